@@ -75,7 +75,7 @@ bool AgentSenses::sense(const EnvRun& run, Agent& agent, HearingEngines* engines
   const auto stage = [&](Stage which, const auto& body) {
     is_running = is_running && goes_on();
     if (!is_running) return;
-    if (agent.runs()) FaultDesk::guard(agent, Fault::stage, body);
+    if (agent.runs()) faults_->guard(agent, Fault::stage, body);
     clock.book(which);
   };
   stage(Stage::trace, [&] { trace(agent, engines, setup_->block_samples); });

@@ -137,11 +137,11 @@ bool Environment::step_episode(HearingEngines* engines, double weight) {
   for (Agent& agent : run_.agents) {  // one after the other: none goes where another stands
     if (!goes_on()) return false;
     agent.outcome.acted = agent.runs();
-    if (agent.runs()) FaultDesk::guard(agent, Fault::stage, [&] { parts_.senses.move(run_, agent, agent.action); });
+    if (agent.runs()) parts_.faults.guard(agent, Fault::stage, [&] { parts_.senses.move(run_, agent, agent.action); });
   }
   clock.book(Stage::move);
-  FaultDesk::guard(run_.agents.front(), Fault::stage,
-                   [&] { run_.sounds.move(parts_.setup, run_.steps, run_.agents, engines, run_.team.get()); });
+  parts_.faults.guard(run_.agents.front(), Fault::stage,
+                      [&] { run_.sounds.move(parts_.setup, run_.steps, run_.agents, engines, run_.team.get()); });
   if (run_.team) clock.book(Stage::trace);  // of one thread the first agent's trace says it
   const bool is_complete = for_agents(engines, [&](Agent& agent, HearingEngines* agent_engines) {
     const auto ask = [this] { return goes_on(); };
@@ -222,12 +222,12 @@ void Environment::begin_episode(std::uint64_t episode_index, int episode_count, 
   parts_.entry.prepare(run_, episode_index, episode_count);
   // What an env that is given up did, and in which episode, is read while its stage still runs: it is known from here on.
   if (!goes_on()) return;
-  FaultDesk::guard(run_.agents.front(), Fault::scene, [&] {
+  parts_.faults.guard(run_.agents.front(), Fault::scene, [&] {
     parts_.entry.enter(run_);
     if (run_.fault() || !goes_on()) return;
     run_.sounds.move(parts_.setup, run_.steps, run_.agents, engines, run_.team.get());
     for_agents(engines, [&](Agent& agent, HearingEngines* agent_engines) {
-      FaultDesk::guard(agent, Fault::scene, [&] { parts_.senses.observe_start(run_, agent, agent_engines); });
+      parts_.faults.guard(agent, Fault::scene, [&] { parts_.senses.observe_start(run_, agent, agent_engines); });
       return true;
     });
   });

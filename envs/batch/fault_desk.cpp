@@ -14,7 +14,7 @@ namespace earshot {
 namespace {
 
 /// After this many episodes that could not begin, and none that could, the set counts as unusable.
-constexpr std::uint64_t kHopelessStarts = 64;
+constexpr std::uint64_t kHopelessStarts = 64, kMostOutOfMemory = 64;
 
 }  // namespace
 
@@ -73,6 +73,9 @@ FinishedEpisode FaultDesk::failed_episode(const Agent& agent, const FaultReport&
 }
 
 void FaultDesk::stop_if_none_begins(std::span<const std::uint8_t> active) const {
+  if (out_of_memory_ >= kMostOutOfMemory)
+    throw RunError("environments",
+                   fmt::format("are out of memory: {} stages of episodes could not have what they need", out_of_memory_.load()));
   if (begun_ > 0 || failed_starts_ < std::min<std::uint64_t>(kHopelessStarts, setup_->set->episodes.size())) return;
   if (std::ranges::any_of(active, [](std::uint8_t flag) { return flag != 0; })) return;
   const QuarantineCounters by_reason = counters();

@@ -41,7 +41,7 @@ class FaultDesk {
   bool check(Agent& agent, Fault kind, std::span<float> values) const;
   /// body() with every exception turned into a fault of the agent's episode.
   template <class Body>
-  static void guard(Agent& agent, Fault kind, const Body& body);
+  void guard(Agent& agent, Fault kind, const Body& body) const;
 
   /// Counts the episode of these agents, of one env, by its fault and writes its file.  Reads nothing that a stage writes, so that it may
   /// be called for a task that was given up.
@@ -53,7 +53,8 @@ class FaultDesk {
 
   void count_begun() { ++begun_; }
   void count_failed_start() { ++failed_starts_; }
-  /// Throws InputError where none of many episodes could begin and no env has one.  active: [rows].
+  /// Throws InputError where none of many episodes could begin and no env has one, and RunError where so many were out of memory that no
+  /// end of it is to be expected.  active: [rows].
   void stop_if_none_begins(std::span<const std::uint8_t> active) const;
 
  private:
@@ -61,13 +62,15 @@ class FaultDesk {
   Quarantine quarantine_;
   StageHook hook_;
   std::atomic<std::uint64_t> begun_{0}, failed_starts_{0};  ///< episodes
+  mutable std::atomic<std::uint64_t> out_of_memory_{0};     ///< stages
 };
 
 template <class Body>
-void FaultDesk::guard(Agent& agent, Fault kind, const Body& body) {
+void FaultDesk::guard(Agent& agent, Fault kind, const Body& body) const {
   try {
     body();
   } catch (const std::bad_alloc&) {
+    ++out_of_memory_;
     report(agent, kind, "out of memory");
   } catch (const std::exception& error) {
     report(agent, kind, error.what());
