@@ -5,19 +5,23 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <new>
 #include <set>
+#include <string_view>
 
 #include "sim/base/errors.h"
+#include "sim/base/process/exit_codes.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/listed.h"
 #include "sim/base/version.h"
+#include "trainer/net/ring_config.h"
 
 namespace earshot {
 namespace {
 
-constexpr int kExitFailed = 1, kExitBadInput = 2;
 constexpr const char* kVersionFlag = "--version";
 
 std::vector<const CLI::App*> commands_of(const CLI::App& app) {
@@ -50,8 +54,16 @@ void check_commands(const CLI::App& app, const std::vector<std::string>& words) 
   }
 }
 
+/// libtorch says so by an exception of its own.
+bool is_out_of_memory(const std::exception& error) {
+  const std::string_view what = error.what();
+  return dynamic_cast<const std::bad_alloc*>(&error) != nullptr || what.find("allocate memory") != std::string_view::npos ||
+         what.find("not enough memory") != std::string_view::npos;
+}
+
+/// One line, whatever the library that threw has to say below it, and without an exception of its own where the output is closed.
 int fail(int code, const std::string& what) {
-  fmt::print(stderr, "earshot: {}\n", what);
+  std::fputs(("earshot: " + what.substr(0, what.find('\n')) + "\n").c_str(), stderr);
   return code;
 }
 
@@ -67,8 +79,8 @@ Program::Program(int argc, char** argv)
   app_.footer(
       "SCENE is a mesh file (glb, gltf, obj, ply, stl; FILE,unit=0.01,up=z names unit and up axis), shoebox:XxYxZ[@M], "
       "house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
-      "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n"
-      "Exit codes: 0 done, 1 a run that failed, 2 bad usage or bad input.");
+      "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n" +
+      exit_code_table());
 }
 
 bool Program::has_what_is_asked() const {
@@ -95,7 +107,13 @@ void continue_as(const std::filesystem::path& program, char** argv) {
 }
 
 int report_failure(const std::exception& error) {
-  return fail(dynamic_cast<const InputError*>(&error) != nullptr ? kExitBadInput : kExitFailed, error.what());
+  if (is_out_of_memory(error)) {
+    fail(kExitFailed, fmt::format("out of memory: {}", error.what()));
+    std::_Exit(kExitFailed);  // what ends libraries may wait for memory too
+  }
+  const bool is_input = dynamic_cast<const InputError*>(&error) != nullptr;
+  const bool is_loss = dynamic_cast<const WorldLost*>(&error) != nullptr || dynamic_cast<const LeftOut*>(&error) != nullptr;
+  return fail(is_input ? kExitBadInput : is_loss ? kExitLostWorld : kExitFailed, error.what());
 }
 
 }  // namespace earshot

@@ -23,8 +23,7 @@ class Program {
   /// Whether the first word is one of the commands, or asks for the version.
   [[nodiscard]] bool has_what_is_asked() const;
 
-  /// Parses the command line, which runs the command.  Returns the exit code: 0 done, 1 a run that failed, 2 bad usage or bad input; errors
-  /// are one line on stderr.
+  /// Parses the command line, which runs the command.  Returns the exit code (exit_codes.h); errors are one line on stderr.
   int run();
 
  private:

@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
   earshot::add_leaderboard(app);
   earshot::add_benchmark(app);
   earshot::add_replay(app);
-  earshot::add_sweep(app);
+  earshot::add_sweep(app, program.exit_code());
   earshot::add_bench(app, program.arguments(), program.exit_code());
   earshot::add_completion(app);
   return program.run();

@@ -12,7 +12,7 @@ namespace earshot {
 /// Commands about results and what they are results of; as those of commands.h.
 void add_benchmark(CLI::App& app);
 void add_verify(CLI::App& app);
-void add_sweep(CLI::App& app);
+void add_sweep(CLI::App& app, int& exit_code);
 /// Knows the commands that were added before it, and itself.
 void add_completion(CLI::App& app);
 void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "apps/board/board_commands.h"
 #include "evaluation/leaderboard/benchmark.h"
@@ -12,7 +13,10 @@
 #include "evaluation/results/evaluator.h"
 #include "evaluation/results/result_groups.h"
 #include "sim/base/files.h"
+#include "sim/base/process/closed_pipe.h"
 #include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/checkpoint/run_lock.h"
+#include "trainer/launch/launcher_job.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 #include "trainer/run/field_decision.h"
@@ -20,6 +24,8 @@
 
 namespace earshot {
 namespace {
+
+constexpr const char* kWhat = "earshot eval";
 
 struct EvalArguments {
   std::string agent, config, out, name, benchmark, private_file;
@@ -45,6 +51,22 @@ struct Plan {
   EvaluationConfig evaluation;
   std::vector<std::string> trained_sounds;
 };
+
+/// Chooses the acoustics while no other process writes into the folder where they are kept.
+RunConfig planned_alone(const RunConfig& config) {
+  const auto lock = RunLock::acquire(config.out, kWhat, run_lock_options(launcher_job()));
+  return plan_acoustics(config);
+}
+
+/// Locks the run folders into which the evaluation writes, for as long as it lives.
+std::vector<std::shared_ptr<RunLock>> lock_written_runs(const EvalArguments& options) {
+  std::set<std::filesystem::path> folders;
+  for (const std::string& file : {options.out, options.json})
+    if (const auto folder = file.empty() ? std::nullopt : run_folder_around(file)) folders.insert(*folder);
+  std::vector<std::shared_ptr<RunLock>> locks;
+  for (const auto& folder : folders) locks.push_back(RunLock::acquire(folder, kWhat, run_lock_options(launcher_job())));
+  return locks;
+}
 
 Plan plan_of(const EvalArguments& options) {
   Plan plan;
@@ -72,7 +94,7 @@ Plan plan_of(const EvalArguments& options) {
                        : options.config.empty() ? parse_run_config("", "--set", options.overrides)
                                                 : load_run_config(options.config, options.overrides);
     const auto kept = with_kept_acoustics(config, {config.out});
-    plan.config = decide_field(kept ? *kept : plan_acoustics(config)).config;  // it hears what the policy of this config does
+    plan.config = decide_field(kept ? *kept : planned_alone(config)).config;  // it hears what the policy of this config does
     take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
   } else {
@@ -95,6 +117,7 @@ EvaluationResult evaluate(const Plan& plan, const EvalArguments& options) {
 }
 
 int run_eval(const EvalArguments& options, const std::vector<std::string>& arguments) {
+  outlive_closed_pipes();
   Plan plan = plan_of(options);
   if (!options.part_folder.empty()) {
     EvaluationWorker worker(options.part_folder, options.agent);
@@ -102,6 +125,7 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
     worker.finish(evaluate(plan, options));
     return 0;
   }
+  const auto locks = lock_written_runs(options);
   EvaluationResult result;
   if (options.workers > 1) {
     if (plan.config.env.stage_limit_s > 0)

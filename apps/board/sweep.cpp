@@ -9,7 +9,9 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 #include <memory>
 #include <thread>
@@ -17,9 +19,14 @@
 #include "apps/board/board_commands.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/closed_pipe.h"
+#include "sim/base/process/exit_codes.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/process/stop_signals.h"
+#include "sim/base/text/log.h"
 #include "trainer/checkpoint/run_folder.h"
+#include "trainer/checkpoint/run_lock.h"
+#include "trainer/launch/launcher_job.h"
 
 namespace earshot {
 namespace {
@@ -121,17 +128,22 @@ int run_program(const std::vector<std::string>& arguments, const std::filesystem
   return status;
 }
 
+/// By a signal; the run under way has left its checkpoint.
+class SweepStopped : public std::exception {};
+
+void stop_if_told() {
+  if (StopSignals::received()) throw SweepStopped();
+}
+
 void expect_done(int status, const std::string& what, const std::filesystem::path& log) {
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kExitDone) return;
+  if (WIFSIGNALED(status) || is_orderly_end(WEXITSTATUS(status))) stop_if_told();
+  if (WIFEXITED(status) && is_orderly_end(WEXITSTATUS(status))) throw RunError(what, "was stopped by a signal; the same command goes on");
   if (WIFSIGNALED(status))
     throw RunError(what, fmt::format("was killed by signal {} ({}); see its output in {}, then run the same command again to continue",
                                      WTERMSIG(status), ::strsignal(WTERMSIG(status)), log.string()));
   throw RunError(what, fmt::format("failed with code {}: {}; see its output in {}, then run the same command again to continue",
                                    WEXITSTATUS(status), last_line(log), log.string()));
-}
-
-void stop_if_told() {
-  if (StopSignals::received()) throw RunError("sweep", "was stopped; run the same command again to continue");
 }
 
 /// A run of a sweep that was changed since is another run: its curve would be of two.
@@ -188,7 +200,7 @@ void evaluate_run(const SweepConfig& sweep, const SweepRun& run, const std::stri
   std::vector<std::string> evaluate{
       "eval", run.folder.string(), "--out", result_of(run).string(), "--workers", std::to_string(run.config.workers)};
   for (const std::string& override : *sweep.evaluate) evaluate.insert(evaluate.end(), {"--set", override});
-  fmt::print(stderr, "{}: evaluation\n", label);
+  std::fputs((label + ": evaluation\n").c_str(), stderr);
   expect_done(run_program(evaluate, log_of(run), [] {}), name_of(run) + ": its evaluation", log_of(run));
   stop_if_told();
   write_file_atomically(evaluated_with(run), evaluation_settings(sweep));
@@ -204,7 +216,8 @@ void write_report(const SweepArguments& options, const SweepConfig& sweep, const
   if (!options.json.empty()) write_file_atomically(options.json, sweep_json(sweep, curves));
 }
 
-void run_sweep(const SweepArguments& options) {
+int run_sweep(const SweepArguments& options) {
+  outlive_closed_pipes();
   const SweepConfig sweep = load_sweep(options.file);
   const std::vector<SweepRun> runs = runs_of(sweep);  // whatever is wrong with one of them is said before the first
   for (const SweepRun& run : runs) {
@@ -212,22 +225,29 @@ void run_sweep(const SweepArguments& options) {
     refuse_missing_set(sweep, run);
   }
   if (!options.report) {
+    const auto lock = RunLock::acquire(sweep.out, "earshot sweep", run_lock_options(launcher_job()));
     const StopSignals signals;
-    for (std::size_t i = 0; i < runs.size(); ++i) {
-      const std::string label = fmt::format("[{}/{}] {} seed {}", i + 1, runs.size(), runs[i].variant, runs[i].seed);
-      if (finished(runs[i]) && !evaluation_due(sweep, runs[i])) continue;
-      if (!finished(runs[i])) train_run(sweep, runs[i], label);
-      if (evaluation_due(sweep, runs[i])) evaluate_run(sweep, runs[i], label);
-      write_report(options, sweep, runs);
+    try {
+      for (std::size_t i = 0; i < runs.size(); ++i) {
+        const std::string label = fmt::format("[{}/{}] {} seed {}", i + 1, runs.size(), runs[i].variant, runs[i].seed);
+        if (finished(runs[i]) && !evaluation_due(sweep, runs[i])) continue;
+        if (!finished(runs[i])) train_run(sweep, runs[i], label);
+        if (evaluation_due(sweep, runs[i])) evaluate_run(sweep, runs[i], label);
+        write_report(options, sweep, runs);
+      }
+    } catch (const SweepStopped&) {
+      log_warning("sweep: was stopped; the same command goes on with it");
+      return exit_code_after(StopSignals::signal());
     }
   }
   write_report(options, sweep, runs);
   fmt::print("{}page: {}\n", sweep_text(sweep_rows(curves_of(sweep, runs))), (std::filesystem::path(sweep.out) / "index.html").string());
+  return kExitDone;
 }
 
 }  // namespace
 
-void add_sweep(CLI::App& app) {
+void add_sweep(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<SweepArguments>();
   CLI::App* command =
       app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their learning curves");
@@ -246,7 +266,7 @@ void add_sweep(CLI::App& app) {
       "Runs are trained one after the other with the workers of the config.  The same command resumes an interrupted sweep: finished runs\n"
       "are kept, and an interrupted run continues from its last checkpoint.  After each run `out` is updated: NAME/seed_N, table.txt,\n"
       "sweep.json, sweep.svg and index.html.");
-  command->callback([options] { run_sweep(*options); });
+  command->callback([options, &exit_code] { exit_code = run_sweep(*options); });
 }
 
 }  // namespace earshot

@@ -4,6 +4,8 @@
 
 #include "apps/commands.h"
 #include "sim/base/errors.h"
+#include "trainer/checkpoint/run_lock.h"
+#include "trainer/launch/launcher_job.h"
 #include "trainer/run/planned_acoustics.h"
 
 namespace earshot {
@@ -22,6 +24,7 @@ void run_plan(const PlanArguments& options) {
     fmt::print("env.accuracy {}: already planned in {}\n", config.env.accuracy, acoustics_plan_file(config, config.out).string());
     return;
   }
+  const auto lock = RunLock::acquire(config.out, "earshot plan", run_lock_options(launcher_job()));
   static_cast<void>(plan_acoustics(config));
 }
 

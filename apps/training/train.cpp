@@ -5,24 +5,33 @@
 
 #include "apps/commands.h"
 #include "sim/base/engine_hash.h"
+#include "sim/base/process/closed_pipe.h"
+#include "sim/base/process/exit_codes.h"
+#include "sim/base/process/machine_limits.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
+#include "trainer/checkpoint/run_lock.h"
 #include "trainer/collective/collective.h"
+#include "trainer/launch/launcher_job.h"
 #include "trainer/launch/worker_group.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/field_decision.h"
 #include "trainer/run/planned_acoustics.h"
+#include "trainer/run/resource_need.h"
 #include "trainer/run/start_run.h"
 #include "trainer/run/train_loop.h"
 
 namespace earshot {
 namespace {
 
+/// Of workers whose run ends by the loss of another: for the checkpoint that they leave.
+constexpr std::chrono::seconds kGrace(15);
+
 struct TrainArguments {
   std::string config, resume;
   std::vector<std::string> overrides, changes;
   int workers = 0;
-  bool overwrite = false, insecure_network = false, join = false;
+  bool overwrite = false, insecure_network = false, join = false, force = false;
 };
 
 /// The config with the choice that env.accuracy asks for: kept by the run or by the one that is resumed, or made now.  Workers read what
@@ -44,6 +53,7 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
 }
 
 int run_train(const TrainArguments& options, const std::vector<std::string>& arguments) {
+  outlive_closed_pipes();
   // Everything that can be wrong with the input is found before a process is started.
   std::vector<std::string> overrides = options.overrides;
   if (options.insecure_network) overrides.emplace_back("network.insecure=true");
@@ -57,6 +67,10 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
                      fmt::format("starts processes on this machine, but {} has already started {} workers", launched->launcher,
                                  launched->ring.identity.world_size),
                      "leave out --workers, and set the number of workers in the launcher");
+  RunStart start;
+  if (is_worker) start.lock = RunLock::inherited(asked.out);
+  // The process that has started its workers itself has counted them.
+  if (!options.force && !start.lock) refuse_beyond_machine(asked, is_worker ? 1 : workers, machine_limits());
   if (!is_worker && asked.train.file.empty())
     throw InputError(options.config, "has no data.train.file",
                      "add the key, then write the episodes with 'earshot dataset episodes --config'");
@@ -66,7 +80,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   if (options.join && !is_worker)
     throw InputError("--join", "needs a launcher, and no launcher variables are set",
                      "set the environment variables of the lost worker (docs/howto/hosts.md, section 4)");
-  RunStart start;
+  if (!is_worker) start.lock = RunLock::acquire(asked.out, "earshot train", run_lock_options(launcher_job()));
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
   start.overwrite = options.overwrite;
   start.changes = options.changes;
@@ -79,7 +93,9 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
 
   if (!is_worker && workers > 1) {
     prepare_run(config, start);
-    return spawn_workers(workers, arguments, std::chrono::seconds(5), config.network.on_loss, config.network.restarts);
+    Handed handed{.variables = {start.lock->variable()}};
+    if (start.lock->descriptor() >= 0) handed.descriptors = {start.lock->descriptor()};
+    return spawn_workers(workers, arguments, kGrace, config.network.on_loss, config.network.restarts, handed);
   }
 
   if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
@@ -90,19 +106,14 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
     ring.engine = engine_hash();
     ring.settings = common_settings(config);
   }
-  TrainReport report;
-  std::unique_ptr<Collective> collective;
-  try {
-    collective = !is_worker ? make_single_worker() : options.join ? make_joining_worker(ring) : make_zmq_ring(ring);
-    report = train(config, *collective, start);
-  } catch (const LeftOut& error) {
-    fmt::print(stderr, "earshot: {}\n", error.what());
-    return kLeftOutExitCode;
-  }
+  const std::unique_ptr<Collective> collective = !is_worker     ? make_single_worker()
+                                                 : options.join ? make_joining_worker(ring)
+                                                                : make_zmq_ring(ring);
+  const TrainReport report = train(config, *collective, start);
   if (collective->identity().rank == 0)
     fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
                report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards), report.checkpoint.string());
-  return 0;
+  return exit_code_after(report.signal);
 }
 
 }  // namespace
@@ -125,6 +136,7 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_flag("--join", options->join,
                     "Join a running training in the place of a lost worker (network.on_loss: continue; docs/howto/hosts.md).\n"
                     "Repeat the options of the first start; they are not applied again");
+  command->add_flag("--force", options->force, "Start even if the run needs more memory or processes than this machine has");
   command->add_flag("--insecure-network", options->insecure_network,
                     "Allow connections between hosts without encryption and keys (network.insecure=true)");
   command->footer(

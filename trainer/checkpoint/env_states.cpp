@@ -33,7 +33,6 @@ void gather_env_states(Collective& collective, const BatchedEnv& env, const Roll
   const std::vector<std::string> hiddens = collective.all_gather(bytes_of(hidden));
   const std::vector<std::string> starts = collective.all_gather(bytes_of(not_done));
   const std::vector<std::string> guided = collective.all_gather(bytes_of(oracle_acted));
-  if (collective.identity().rank != 0) return;
   for (std::size_t rank = 0; rank < states.size(); ++rank) {
     checkpoint.hidden.push_back(tensor_of(hiddens[rank], hidden.sizes()));
     checkpoint.not_done.push_back(tensor_of(starts[rank], not_done.sizes()));

@@ -9,8 +9,8 @@
 
 namespace earshot {
 
-/// Puts the environments and recurrent states of all workers into the checkpoint of rank 0: env_states, hidden, not_done, oracle_acted.  A
-/// collective call; on the other ranks the checkpoint stays as it is.  Throws RunError if the recurrent states differ in size.
+/// Puts the environments and recurrent states of all workers into the checkpoint of every worker: env_states, hidden, not_done,
+/// oracle_acted.  A collective call.  Throws RunError if the recurrent states differ in size.
 void gather_env_states(Collective& collective, const BatchedEnv& env, const RolloutCollector& collector, Checkpoint& checkpoint);
 
 /// Continues this worker's episodes where the checkpoint has them; identity: of this worker.  path: what errors name.  Throws InputError if

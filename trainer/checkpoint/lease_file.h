@@ -16,7 +16,7 @@ namespace earshot {
 /// path: is there.
 bool is_shared_file_system(const std::filesystem::path& path);
 
-/// A lock that hosts share through a file: its holder renews the file's time, and a file that nobody has renewed for the length of the
+/// A lock that hosts share through a file: its holder renews the file's time, and a file that has not been renewed for the length of the
 /// lease is anyone's.  Times are those that the server of the file system puts on files, so that no host's clock matters.
 ///
 /// One file at a fixed path, made with O_EXCL; an old one is replaced by rename under a second such file (".next"), so that of several that
@@ -47,7 +47,7 @@ class LeaseFile {
   std::thread renewing_;
 };
 
-/// Whether nobody has renewed the file for that long, by the clock of its file system, or its holder is known to be gone.  False where it
+/// Whether the file has not been renewed for that long, by the clock of its file system, or its holder is known to be gone.  False where it
 /// is not there.
 bool is_old_lease(const std::filesystem::path& path, std::chrono::milliseconds lease);
 

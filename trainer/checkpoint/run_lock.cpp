@@ -179,7 +179,7 @@ RunLockOptions run_lock_options(const std::string& job) {
 }
 
 std::optional<std::filesystem::path> run_folder_around(const std::filesystem::path& path) {
-  std::filesystem::path folder = std::filesystem::weakly_canonical(path).parent_path();
+  std::filesystem::path folder = std::filesystem::weakly_canonical(std::filesystem::absolute(path)).parent_path();
   if (folder.filename() == "checkpoints") folder = folder.parent_path();
   const RunFolder run(folder);
   std::error_code error;

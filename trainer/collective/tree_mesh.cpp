@@ -71,7 +71,7 @@ TreeMesh::Neighbour* TreeMesh::neighbour_of(int rank) {
 }
 
 void TreeMesh::begin(std::uint64_t sequence, Operation operation) {
-  if (between_calls_) throw RunError(*between_calls_);
+  if (between_calls_) std::rethrow_exception(between_calls_);
   if (abandoned_) throw RunError("workers", fmt::format("the run has already stopped: {}", *abandoned_));
   liveness_.begin(sequence);
   operation_ = operation;
@@ -140,7 +140,7 @@ void TreeMesh::take_goodbye(const PeerFrame& frame) {
     throw protocol_breach(frame.from, WireError("goodbye message with an invalid rank"));
   if (goodbye.reason.empty()) return;
   stopped_by_ = Stop{static_cast<int>(frame.header.step), goodbye.reason};
-  throw RunError(worker_name(stopped_by_->rank), fmt::format("stopped the run: {}", goodbye.reason));
+  throw WorldLost(worker_name(stopped_by_->rank), fmt::format("stopped the run: {}", goodbye.reason));
 }
 
 /// Fields of a message of progress: phase 0 where a worker on that side has got on; sequence, the sender's open or next call; segment, if
@@ -165,7 +165,7 @@ void TreeMesh::check_neighbours() {
       // It has done its part of this call or it never will; what it did send may still be on its way.
       if (is_open_ && *num_calls <= liveness_.call()) throw liveness_.has_left(neighbour.rank);
     } else if (liveness_.is_gone(neighbour.rank)) {
-      throw RunError(
+      throw WorldLost(
           worker_name(neighbour.rank),
           fmt::format("stopped responding in or before collective call {}: the process was killed, crashed or hangs", liveness_.call()));
     }
@@ -176,7 +176,7 @@ void TreeMesh::check_deadline() {
   std::vector<int> missing;
   for (const Neighbour& neighbour : neighbours_) {
     if (liveness_.finished_after(neighbour.rank)) continue;
-    if (liveness_.is_silent(neighbour.rank)) throw RunError(worker_name(neighbour.rank), liveness_.describe_silence());
+    if (liveness_.is_silent(neighbour.rank)) throw WorldLost(worker_name(neighbour.rank), liveness_.describe_silence());
     if (neighbour.begun <= liveness_.call()) missing.push_back(neighbour.rank);
   }
   const auto now = Clock::now();
@@ -232,7 +232,7 @@ void TreeMesh::look_around() {
     links_.read_monitors();
     check_neighbours();
   } catch (const RunError& error) {
-    between_calls_ = error;
+    between_calls_ = std::current_exception();
     abandon(error.what());
     return;
   }

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <exception>
 #include <optional>
 #include <span>
 #include <string>
@@ -114,7 +115,7 @@ class TreeMesh {
   Clock::time_point counts_sent_at_, looked_at_;
   std::optional<Stop> stopped_by_;  ///< another worker's goodbye
   std::optional<std::string> abandoned_;
-  std::optional<RunError> between_calls_;  ///< what look_around() has found
+  std::exception_ptr between_calls_;  ///< what look_around() has found
 };
 
 }  // namespace earshot

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "trainer/launch/meeting_folder.h"
+#include "trainer/launch/run_key.h"
 #include "trainer/net/ring_config.h"
 
 namespace earshot {
@@ -20,6 +21,7 @@ struct LaunchedWorker {
   RingConfig ring;       ///< identity, rendezvous, run id; not validated
   std::filesystem::path folder = {};                ///< of an ipc rendezvous on one host; empty where none is needed
   std::shared_ptr<MeetingFolder> made_folder = {};  ///< it, once worker_from_environment has made it
+  std::shared_ptr<RunKey> run_key = {};             ///< of a rendezvous on the loopback interface, from worker_from_environment
 };
 
 /// Rank, world size, meeting point and run id from the first of these tables that is there (docs/howto/hosts.md has the variables):

@@ -1,5 +1,6 @@
 #include "trainer/launch/worker_group.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -7,8 +8,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -19,8 +22,11 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/exit_codes.h"
 #include "sim/base/temporary_folder.h"
 #include "trainer/launch/worker_names.h"
+#include "trainer/net/curve_keys.h"
+#include "trainer/net/host_address.h"
 #include "trainer/net/rendezvous.h"
 #include "trainer/net/ring_config.h"
 
@@ -79,12 +85,17 @@ class CStrings {
   std::vector<char*> pointers_;
 };
 
-std::vector<std::string> environment_of(int rank, int num_workers, const std::string& rendezvous, const std::string& run_id) {
-  std::vector<std::string> variables;
+/// Whether the two say "NAME=" of the same name.
+bool same_name(std::string_view a, std::string_view b) { return a.substr(0, a.find('=')) == b.substr(0, b.find('=')); }
+
+std::vector<std::string> environment_of(int rank, int num_workers, const std::string& rendezvous, const std::string& run_id,
+                                        const std::vector<std::string>& handed) {
+  std::vector<std::string> variables = handed;
   bool omp = false, openblas = false;
   for (char** variable = environ; *variable != nullptr; ++variable) {
     const std::string_view text = *variable;
     const std::string_view name = text.substr(0, text.find('='));
+    if (std::ranges::any_of(handed, [&](const std::string& other) { return same_name(text, other); })) continue;
     if (name == kRankName || name == kWorldSizeName || name == kRendezvousName || name == kRunIdName) continue;
     omp = omp || name == "OMP_NUM_THREADS";
     openblas = openblas || name == "OPENBLAS_NUM_THREADS";
@@ -110,8 +121,9 @@ struct Worker {
 class WorkerGroup {
  public:
   /// again: starts a lost worker of that rank again.
-  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace, OnLoss on_loss, int restarts, std::function<void(int)> again)
-      : signals_(signals), grace_(grace), on_loss_(on_loss), restarts_(restarts), again_(std::move(again)) {}
+  WorkerGroup(const BlockedSignals& signals, std::chrono::milliseconds grace, OnLoss on_loss, int restarts,
+              const std::vector<int>& descriptors, std::function<void(int)> again)
+      : signals_(signals), grace_(grace), on_loss_(on_loss), restarts_(restarts), descriptors_(descriptors), again_(std::move(again)) {}
   ~WorkerGroup() {
     send(SIGKILL);
     for (Worker& worker : workers_)
@@ -128,6 +140,7 @@ class WorkerGroup {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       if (::getppid() != parent) ::_exit(1);  // the parent died before prctl took effect
       ::sigprocmask(SIG_SETMASK, &signals_.previous(), nullptr);
+      for (const int descriptor : descriptors_) ::fcntl(descriptor, F_SETFD, 0);
       ::execve("/proc/self/exe", arguments.get(), environment.get());
       ::_exit(127);
     }
@@ -143,8 +156,8 @@ class WorkerGroup {
       const siginfo_t info = signals_.wait(std::chrono::milliseconds(stopping ? 100 : 1000));
       if (info.si_signo != 0 && info.si_signo != SIGCHLD) pass_on(info);
     }
-    if (exit_code_ == 0 && lost_ && !succeeded_) return 1;  // none is left
-    return exit_code_;
+    if (exit_code_ == kExitDone && lost_ && !succeeded_) return kExitLostWorld;  // none is left
+    return exit_code_ == kExitDone ? orderly_code_ : exit_code_;
   }
 
  private:
@@ -187,7 +200,7 @@ class WorkerGroup {
         again_(rank);
         running = true;
       } catch (const RunError& error) {  // no process to be had: the others go on
-        fmt::print(stderr, "{}\n", error.what());
+        say(fmt::format("{}\n", error.what()));
       }
     end_what_was_lost();
     return running;
@@ -202,36 +215,51 @@ class WorkerGroup {
 
   void ended(const Worker& worker, int status) {
     const int rank = worker.rank;
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+    if (WIFEXITED(status) && is_orderly_end(WEXITSTATUS(status))) {
+      orderly_code_ = std::max(orderly_code_, WEXITSTATUS(status));
       if (!std::exchange(succeeded_, true)) succeeded_at_ = Clock::now();
       return;
     }
-    const bool lost = WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode || worker.joins;
+    const bool lost = WIFSIGNALED(status) || WEXITSTATUS(status) == kExitLostWorld || worker.joins;
     if (on_loss_ == OnLoss::go_on && lost && (succeeded_ || kill_at_ == Clock::time_point::max())) {
       lost_ = true;
       if (succeeded_) return;
-      const bool again = restarts_ > 0 && !asked_to_end_ && (WIFSIGNALED(status) || WEXITSTATUS(status) == kLeftOutExitCode);
+      const bool again = restarts_ > 0 && !asked_to_end_ && (WIFSIGNALED(status) || WEXITSTATUS(status) == kExitLostWorld);
       const char* const then = again ? "; restarting it" : "";
       if (WIFSIGNALED(status))
-        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the other workers continue{}\n", rank, WTERMSIG(status),
-                   ::strsignal(WTERMSIG(status)), then);
+        say(fmt::format("worker {}: was killed by signal {} ({}); the other workers continue{}\n", rank, WTERMSIG(status),
+                        ::strsignal(WTERMSIG(status)), then));
       else
-        fmt::print(stderr, "worker {}: exited with code {}; the other workers continue{}\n", rank, WEXITSTATUS(status), then);
+        say(fmt::format("worker {}: exited with code {}; the other workers continue{}\n", rank, WEXITSTATUS(status), then));
       if (!again) return;
       --restarts_;
       lost_ranks_.push_back(rank);
       return;
     }
-    if (exit_code_ == 0) {
-      exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 1;
-      if (WIFSIGNALED(status))
-        fmt::print(stderr, "worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status),
-                   ::strsignal(WTERMSIG(status)));
-      else
-        fmt::print(stderr, "worker {}: exited with code {}; the run ends\n", rank, exit_code_);
-    }
+    note_failure(rank, status);
     stop();
   }
+
+  /// The first failure is named.  One that was due to the loss of others is not the run's if another comes to be known.
+  void note_failure(int rank, int status) {
+    const bool is_first = exit_code_ == kExitDone;
+    if (is_first && WIFSIGNALED(status))
+      say(fmt::format("worker {}: was killed by signal {} ({}); the run ends\n", rank, WTERMSIG(status), ::strsignal(WTERMSIG(status))));
+    if (is_first && WIFEXITED(status)) say(fmt::format("worker {}: exited with code {}; the run ends\n", rank, WEXITSTATUS(status)));
+    const bool by_us = kill_at_ != Clock::time_point::max() && WIFSIGNALED(status);
+    if (!by_us && (is_first || exit_code_ == kExitLostWorld)) exit_code_ = code_of(status);
+    if (is_first && by_us) exit_code_ = kExitFailed;
+  }
+
+  [[nodiscard]] int code_of(int status) const {
+    if (WIFEXITED(status)) return WEXITSTATUS(status);
+    constexpr std::array from_outside{SIGKILL, SIGTERM, SIGHUP, SIGINT, SIGUSR1};
+    const bool is_loss = !asked_to_end_ && std::ranges::find(from_outside, WTERMSIG(status)) != from_outside.end();
+    return is_loss ? kExitLostWorld : kExitFailed;
+  }
+
+  /// Where the output is closed the run goes on.
+  static void say(const std::string& line) { std::fputs(line.c_str(), stderr); }
 
   const BlockedSignals& signals_;
   std::chrono::milliseconds grace_;
@@ -240,11 +268,13 @@ class WorkerGroup {
   bool asked_to_end_ = false;
   OnLoss on_loss_;
   int restarts_;  ///< that are left
+  const std::vector<int>& descriptors_;
   std::function<void(int)> again_;
   std::vector<int> lost_ranks_;            ///< to be started again
   bool succeeded_ = false, lost_ = false;  ///< a worker has succeeded, or was lost
   Clock::time_point succeeded_at_;
-  int exit_code_ = 0;
+  int exit_code_ = kExitDone;     ///< of a failure
+  int orderly_code_ = kExitDone;  ///< of those that have ended in order
 };
 
 }  // namespace
@@ -258,11 +288,17 @@ std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& netwo
   if (network.on_loss == OnLoss::go_on) worker->ring.heartbeat = kShortHeartbeat;
   worker->made_folder = std::make_shared<MeetingFolder>(worker->folder, worker->ring.identity.rank);
   validate(worker->ring);
+  const std::string& rendezvous = worker->ring.rendezvous;
+  const bool is_local = rendezvous.starts_with("tcp://") && is_loopback(parse_tcp(rendezvous).host);
+  if (is_local && worker->ring.identity.world_size > 1 && network.curve_key_file.empty() && !network.insecure && has_curve()) {
+    worker->run_key = std::make_shared<RunKey>(worker->ring.run_id, rendezvous);
+    worker->ring.network.curve_key_file = worker->run_key->file().string();
+  }
   return worker;
 }
 
-int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss,
-                  int restarts) {
+int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace, OnLoss on_loss, int restarts,
+                  const Handed& handed) {
   validate_world(num_workers, on_loss);
   std::vector<std::string> line{std::filesystem::read_symlink("/proc/self/exe").string()};
   line.insert(line.end(), arguments.begin(), arguments.end());
@@ -275,11 +311,11 @@ int spawn_workers(int num_workers, const std::vector<std::string>& arguments, st
   const std::string run_id = hex64(hash64(folder.path().string(), static_cast<std::uint64_t>(::getpid())));
   const BlockedSignals signals;
   WorkerGroup* started = nullptr;
-  WorkerGroup group(signals, grace, on_loss, restarts, [&](int rank) {
-    started->start(rank, joining_argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)), true);
-  });
+  const auto environment = [&](int rank) { return CStrings(environment_of(rank, num_workers, rendezvous, run_id, handed.variables)); };
+  WorkerGroup group(signals, grace, on_loss, restarts, handed.descriptors,
+                    [&](int rank) { started->start(rank, joining_argv, environment(rank), true); });
   started = &group;
-  for (int rank = 0; rank < num_workers; ++rank) group.start(rank, argv, CStrings(environment_of(rank, num_workers, rendezvous, run_id)));
+  for (int rank = 0; rank < num_workers; ++rank) group.start(rank, argv, environment(rank));
   return group.wait();
 }
 

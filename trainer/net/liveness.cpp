@@ -57,12 +57,12 @@ std::string Liveness::describe_silence() const {
   return fmt::format("has made no progress for {} ms in or before collective call {}: it is stuck", limits_.patience.count(), call_);
 }
 
-RunError Liveness::has_left(int rank) const {
+WorldLost Liveness::has_left(int rank) const {
   return {worker_name(rank),
           fmt::format("has finished after {} collective calls, but this worker makes another call", finished_after(rank).value_or(0))};
 }
 
-RunError Liveness::missed(const std::vector<int>& ranks) const {
+WorldLost Liveness::missed(const std::vector<int>& ranks) const {
   return {fmt::format("worker {}", listed(ranks, ", ")),
           fmt::format("did not take part in collective call {} within {} ms", call_, limits_.timeout.count())};
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/process/exit_codes.h"
 #include "trainer/net/peer_links.h"
 #include "trainer/net/ring_config.h"
 #include "trainer/net/wire.h"
@@ -75,9 +76,9 @@ class Liveness {
   /// Why a peer counts as lost, as errors and log lines say it.
   [[nodiscard]] std::string describe_silence() const;
   /// The error of a peer that has said goodbye although another call is open.
-  [[nodiscard]] RunError has_left(int rank) const;
+  [[nodiscard]] WorldLost has_left(int rank) const;
   /// The error of peers that the call has awaited to its deadline.
-  [[nodiscard]] RunError missed(const std::vector<int>& ranks) const;
+  [[nodiscard]] WorldLost missed(const std::vector<int>& ranks) const;
 
  private:
   struct Peer {

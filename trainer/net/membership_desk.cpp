@@ -143,7 +143,7 @@ PeerLinks::Origin MembershipDesk::admit_or_notify(PeerSender sender) {
 
 /// A lost peer is the end of the run, or of this view.
 void MembershipDesk::lose(int rank, const std::string& what) {
-  if (!config_.survives_loss()) throw RunError(worker_name(rank), what);
+  if (!config_.survives_loss()) throw WorldLost(worker_name(rank), what);
   log_warning(fmt::format("worker {}: {}", rank, what));
   views_->leave_out(rank);
 }

@@ -117,7 +117,7 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
     if (header.operation == Operation::goodbye) {
       const Goodbye goodbye = decode_goodbye(*frame);
       if (!goodbye.reason.empty() && membership_.heeds(rank))
-        throw RunError(worker_name(rank), fmt::format("stopped the run: {}", goodbye.reason));
+        throw WorldLost(worker_name(rank), fmt::format("stopped the run: {}", goodbye.reason));
       liveness_.finish(rank, header.sequence);
     } else if (header.operation == Operation::view) {
       membership_.take_view(*frame);
@@ -168,7 +168,7 @@ void PeerMesh::check_peers(const std::vector<int>& awaited) {
     const int neighbour = rank_of(right());
     if (!liveness_.finished_after(neighbour) && !links_.lost_at(neighbour)) {
       const std::string fault = fmt::format("the connection for gradients to worker {} broke", neighbour);
-      if (!config_.survives_loss()) throw RunError(worker_name(config_.identity.rank), fault);
+      if (!config_.survives_loss()) throw WorldLost(worker_name(config_.identity.rank), fault);
       log_warning(fmt::format("worker {}: {}, and is opened again", config_.identity.rank, fault));
       membership_.renew();
     }

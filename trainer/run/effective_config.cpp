@@ -71,7 +71,7 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
   // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 23> free{"name",
+  constexpr std::array<std::string_view, 24> free{"name",
                                                   "metrics_file",
                                                   "network",
                                                   "out",
@@ -92,6 +92,7 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
                                                   "env.quarantine_dir",
                                                   "env.order",
                                                   "data.train.file",
+                                                  "ppo.roll_backs",
                                                   "ppo.loss_alarm",
                                                   "ppo.kl_alarm"};
   if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
@@ -104,7 +105,7 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
 
 std::string common_settings(const RunConfig& config) {
   // Free for a run that goes on, but not within one: they say when all workers make which calls.
-  constexpr std::array<std::string_view, 3> bound{"total_steps", "max_minutes", "checkpoint_every"};
+  constexpr std::array<std::string_view, 4> bound{"total_steps", "max_minutes", "checkpoint_every", "ppo.roll_backs"};
   std::string lines;
   for (const auto& [key, value] : flat_config(config_text(config)))
     if (std::ranges::find(bound, key) != bound.end() || !is_free_to_change(key, config)) lines += fmt::format("{}={}\n", key, value);

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <future>
 
 #include "trainer/checkpoint/checkpoint.h"
@@ -11,29 +13,53 @@
 
 namespace earshot {
 
+/// How a checkpoint comes to a disk that may be full.
+struct DiskPatience {
+  std::chrono::milliseconds last{600000};  ///< how long the last checkpoint of a run waits for room
+  std::chrono::milliseconds look{1000};    ///< between two tries
+};
+
 /// What the worker of rank 0 writes of a run: curves, metrics and checkpoints.  A full disk must not end a run that may find space again:
 /// what cannot be written is logged, and the calls return how many writes failed.
+///
+/// Where a checkpoint finds the disk full, the oldest periodic ones go, one by one, until it has room; the newest that is whole stays in
+/// any case.
 class RunFiles {
  public:
+  using Write = std::function<void(const Checkpoint& checkpoint, const std::filesystem::path& file)>;
+
   /// Removes what an earlier run has left half-written.  update: of the checkpoint or the state that the run goes on from, 0 for a new run.
-  RunFiles(const RunConfig& config, std::uint64_t update);
+  /// write: what puts a checkpoint on the disk, for tests.
+  RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience = {}, Write write = save_checkpoint);
 
   [[nodiscard]] std::uint64_t write_point(const CurvePoint& point);
   [[nodiscard]] std::filesystem::path checkpoint_of(std::uint64_t update, bool is_last) const;
   /// A periodic checkpoint goes to the disk in the background, and what of it failed is returned by the next call, or by finish().  That of
-  /// the end is on disk when the call returns; throws RunError if it cannot be written.
-  [[nodiscard]] std::uint64_t save(Checkpoint checkpoint, bool is_last);
+  /// the end is on disk when the call returns: it waits for room as long as `patience` allows, says so once, and calls waits() at each try;
+  /// throws RunError if it cannot be written.
+  [[nodiscard]] std::uint64_t save(Checkpoint checkpoint, bool is_last, const std::function<void()>& waits = {});
   /// Waits for the checkpoint that is on its way.
   [[nodiscard]] std::uint64_t finish();
+  /// Whether the last periodic checkpoint has failed, and should be tried again.  Waits for nothing.
+  [[nodiscard]] bool owes_checkpoint();
+  /// The newest update that these calls have put on the disk, that it began with if none; after finish().
+  [[nodiscard]] std::uint64_t saved_update() const { return saved_update_; }
 
  private:
+  /// Throws RunError.
+  void write_making_room(const std::filesystem::path& file, const Checkpoint& checkpoint);
+  void write_last(const std::filesystem::path& file, const Checkpoint& checkpoint, const std::function<void()>& waits);
   /// What follows a checkpoint, whole or not.
   std::uint64_t write_beside(const std::filesystem::path& file, const Checkpoint& checkpoint, bool is_whole, bool is_last);
 
   const RunConfig& config_;
+  const DiskPatience patience_;
+  const Write write_;
   const RunFolder folder_;
   EventLog events_;
   CheckpointKeeper checkpoints_;
+  std::uint64_t saved_update_, failed_before_ = 0;  ///< the second: found by owes_checkpoint(), not returned yet
+  bool owes_checkpoint_ = false;
   std::future<std::uint64_t> writing_;  ///< last: its destructor waits for the thread, which uses the others
 };
 

@@ -39,6 +39,9 @@ class RunProgress {
   bool agree_on_end(Collective& collective);
   /// Of the whole training, in [0, 1], for decays and guidance; of the last agree_on_end().
   [[nodiscard]] double fraction() const { return fraction_; }
+  /// The signal that ended the run before it was done, of the last agree_on_end(), the same on every worker: SIGINT, or SIGTERM for any
+  /// other; 0: none, or it has made all its steps.
+  [[nodiscard]] int end_signal() const { return end_signal_; }
   /// Whether workers were ready to join at the last agree_on_end().
   [[nodiscard]] bool has_joiners() const { return has_joiners_; }
 
@@ -65,6 +68,7 @@ class RunProgress {
   RunPosition position_;
   LapTimer clock_;
   double fraction_ = 0;
+  int end_signal_ = 0;
   bool has_joiners_ = false;
   bool has_rollout_ = false;
 };

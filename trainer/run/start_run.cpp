@@ -12,6 +12,7 @@
 #include "sim/base/text/config_reader.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
+#include "trainer/launch/launcher_job.h"
 #include "trainer/net/ring_config.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
@@ -21,6 +22,7 @@ namespace earshot {
 namespace {
 
 constexpr const char* kEngine = "engine";
+const std::string kStarts = "starts as run ";
 
 /// Whether `name` is the key or a section that holds it.
 bool covers(const std::string& name, const std::string& key) { return key == name || key.starts_with(name + "."); }
@@ -99,19 +101,23 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
   if (start.overwrite) RunFolder(config.out).remove_run();
 }
 
-void prepare_run(const RunConfig& config, const RunStart& start, Collective& collective) {
+RunClaim prepare_run(const RunConfig& config, const RunStart& start, Collective& collective) {
   const int rank = collective.identity().rank;
+  std::shared_ptr<RunLock> lock = start.lock;
   std::exception_ptr refusal;
   std::string message;
   if (rank == 0) try {
+      if (!lock) lock = RunLock::acquire(config.out, "earshot train", run_lock_options(launcher_job()));
       prepare_run(config, start);
+      message = kStarts + lock->run();
     } catch (const std::exception& error) {
       refusal = std::current_exception();
       message = error.what();
     }
   const std::string decision = collective.all_gather(message).front();
   if (refusal) std::rethrow_exception(refusal);
-  if (!decision.empty()) throw InputError(worker_name(rank), "rank 0 refuses to start: " + decision, "");
+  if (!decision.starts_with(kStarts)) throw InputError(worker_name(rank), "rank 0 refuses to start: " + decision, "");
+  return {config.out, std::move(lock), decision.substr(kStarts.size()), start.lock != nullptr};
 }
 
 }  // namespace earshot

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "trainer/checkpoint/run_claim.h"
 #include "trainer/collective/collective.h"
 #include "trainer/run/run_config.h"
 
@@ -15,6 +17,7 @@ struct RunStart {
   bool overwrite = false;                 ///< a new run removes the files of an earlier one in config.out first
   std::vector<std::string> changes = {};  ///< keys or sections in which a resumed run may differ from its checkpoint, and "engine"
   std::string note = {};                  ///< a line on the run that rank 0 prints once it may start; may be empty
+  std::shared_ptr<RunLock> lock = {};     ///< on config.out, where this process has it already; null: rank 0 takes it
   std::string remake = "earshot dataset episodes --config CONFIG";  ///< command that makes the episode sets anew, for messages
 };
 
@@ -33,7 +36,8 @@ void refuse_stale_episodes(const RunConfig& config, const RunStart& start);
 /// Of one process only: before the workers are spawned, and of rank 0.
 void prepare_run(const RunConfig& config, const RunStart& start);
 
-/// prepare_run on rank 0; every rank throws InputError if it refuses.  A collective call.
-void prepare_run(const RunConfig& config, const RunStart& start, Collective& collective);
+/// Takes the lock on config.out unless start.lock has it, and prepare_run, on rank 0; every rank throws InputError if it refuses.  A
+/// collective call.
+RunClaim prepare_run(const RunConfig& config, const RunStart& start, Collective& collective);
 
 }  // namespace earshot

@@ -1,6 +1,7 @@
 #include "trainer/run/train_loop.h"
 
-#include <fmt/format.h>
+#include <cstdio>
+#include <utility>
 
 #include "policy/torch_threads.h"
 #include "sim/base/process/stop_signals.h"
@@ -12,15 +13,16 @@ namespace earshot {
 TrainReport train(const RunConfig& config, Collective& collective, const RunStart& start, const TrainHooks& hooks) {
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/explanation/ppo.md, section 4).
   use_one_torch_thread();
+  RunClaim claim(config.out, start.lock, start.lock ? start.lock->run() : "", start.lock != nullptr);
   if (collective.is_joining())
     refuse_stale_episodes(config, start);
   else
-    prepare_run(config, start, collective);
-  if (collective.identity().rank == 0 && !collective.is_joining() && !start.note.empty()) fmt::print("{}\n", start.note);
+    claim = prepare_run(config, start, collective);
+  if (collective.identity().rank == 0 && !collective.is_joining() && !start.note.empty()) std::puts(start.note.c_str());
   const StopSignals signals;
   // A worker that joins gets from the others what they have made of the checkpoint.
   const std::filesystem::path resume = collective.is_joining() ? std::filesystem::path() : start.resume;
-  return TrainWorker(config, collective, worker_start(collective, resume, start.changes), resume, hooks).run();
+  return TrainWorker(config, collective, worker_start(collective, resume, start.changes), resume, std::move(claim), hooks).run();
 }
 
 }  // namespace earshot

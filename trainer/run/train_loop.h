@@ -16,6 +16,7 @@ struct TrainReport {
   std::uint64_t updates = 0, env_steps = 0;
   double wall_s = 0, steps_per_s = 0;  ///< of this sitting of the run, also where this worker joined later
   std::filesystem::path checkpoint;    ///< the last one
+  int signal = 0;                      ///< RunProgress::end_signal
   RunCounters counters;                ///< of all workers, since the run was started or resumed
   GuardCounts guards;
 };

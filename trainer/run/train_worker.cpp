@@ -3,15 +3,23 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <exception>
+#include <optional>
 #include <utility>
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/machine_limits.h"
+#include "sim/base/text/log.h"
 #include "trainer/checkpoint/env_states.h"
 #include "trainer/run/initial_policy.h"
+#include "trainer/run/resource_need.h"
+#include "trainer/run/weight_check.h"
 
 namespace earshot {
 namespace {
+
+constexpr int kRollBacks = 0;
 
 EnvConfig training_env(const RunConfig& config) {
   EnvConfig env = config.env;
@@ -37,7 +45,7 @@ WorkerStart worker_start(const Collective& collective, const std::filesystem::pa
 }
 
 TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, WorkerStart start, const std::filesystem::path& resume,
-                         const TrainHooks& hooks)
+                         RunClaim claim, const TrainHooks& hooks)
     : config_(config),
       collective_(collective),
       places_(std::move(start.places)),
@@ -49,7 +57,7 @@ TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, Worker
       collector_(rollout_config(config), env_, policy_, first_env()),
       preemption_(config.ppo, config.rollout_steps),
       progress_(config),
-      report_(config, collective, progress_),
+      report_(config, collective, progress_, std::move(claim)),
       recovery_(collective, places_, policy_, learner_, progress_, report_) {
   env_.set_stage_hook(hooks.stage_hook);
   recovery_.brief();
@@ -94,37 +102,65 @@ void TrainWorker::join(const JoinBriefing& briefing) {
 
 TrainReport TrainWorker::run() {
   if (rank() == 0 && report_.open_files())
-    fmt::print(stderr, "training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name, collective_.identity().world_size,
-               config_.envs_per_worker, set_->episodes.size(), policy_->num_parameters());
+    std::fputs(fmt::format("training {}: {} workers x {} envs, {} episodes, {} parameters\n", config_.name,
+                           collective_.identity().world_size, config_.envs_per_worker, set_->episodes.size(), policy_->num_parameters())
+                   .c_str(),
+               stderr);  // fmt::print would throw where the output is closed
   progress_.start_clock();
+  try {
+    make_updates();
+  } catch (const LeftOut&) {  // the others go on
+    throw;
+  } catch (...) {
+    salvage();
+    throw;
+  }
+  const RunPosition& end = progress_.position();
+  return {end.update,         end.env_steps,   end.elapsed_s, progress_.steps_per_s(), report_.last_checkpoint(), progress_.end_signal(),
+          report_.counters(), report_.guards()};
+}
+
+void TrainWorker::make_updates() {
   for (bool saved = false; !saved;) try {
+      if (!whole_ && !collective_.survives_loss()) keep_whole_update(keeps_environments());
       while (!progress_.agree_on_end(collective_)) {
         if (progress_.has_joiners()) collective_.admit();
         update();
       }
       save(true);
+      collective_.barrier();  // no worker says that the run has ended before its last checkpoint is on disk
       saved = true;
     } catch (const MembershipChange& change) {
+      whole_.reset();  // of other members
       recovery_.recover(change);
     }
-  const RunPosition& end = progress_.position();
-  return {end.update,         end.env_steps,   end.elapsed_s, progress_.steps_per_s(), report_.last_checkpoint(),
-          report_.counters(), report_.guards()};
 }
 
 void TrainWorker::update() {
+  if (!can_map(kWorkingBytes))  // before a library finds out, and ends the process or tries for ever
+    throw RunError(worker_name(collective_.members()[static_cast<std::size_t>(rank())]),
+                   fmt::format("is out of memory before update {}", progress_.update() + 1));
   if (!progress_.has_rollout()) collect();
   const std::uint64_t steps = collected_steps();
   const UpdateStats stats = learn();
+  const bool is_sound = !rolls_back();
   const double update_s = progress_.complete_update(steps);
   recovery_.brief();
   if (const auto failure = report_.note(stats)) {
+    keep_whole_update(true);
     save(true);
     collective_.barrier();  // who throws stops the others: not before rank 0 has all parts of the checkpoint, and has written it
     throw RunError("training", *failure);
   }
   report(stats, update_s, steps);
-  if (progress_.update() % static_cast<std::uint64_t>(config_.checkpoint_every) == 0) save(false);
+  if (is_sound) roll_backs_ = 0;
+  keep_whole_update(keeps_environments());
+  // The first one soon: what is wrong with the disk shows before there is much to lose.
+  const bool is_due = progress_.update() == 1 || progress_.update() % static_cast<std::uint64_t>(config_.checkpoint_every) == 0;
+  if (is_due)
+    save(false);
+  else if (rank() == 0 && keeps_environments() && report_.owes_checkpoint())
+    report_.save(*whole_, false);
 }
 
 void TrainWorker::collect() {
@@ -177,14 +213,49 @@ void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_
   sums_ = {};
 }
 
+/// What a checkpoint of this update has to hold, on every worker, so that any of them can write it once the others are lost.
+void TrainWorker::keep_whole_update(bool with_environments) {
+  Checkpoint state = learner_state_of(policy_, learner_.optimizer());
+  if (with_environments) gather_env_states(collective_, env_, collector_, state);
+  for (const int member : collective_.members()) state.members.push_back(places_.first_of(member));
+  state.started_workers = places_.started_workers;
+  report_.describe_state(state);
+  whole_ = std::move(state);
+}
+
 void TrainWorker::save(bool is_last) {
   check_equal_weights(collective_, policy_);  // else the checkpoint would be of no worker
-  Checkpoint checkpoint = rank() == 0 ? learner_state_of(policy_, learner_.optimizer()) : Checkpoint{};
-  gather_env_states(collective_, env_, collector_, checkpoint);
-  if (rank() != 0) return;
-  for (const int member : collective_.members()) checkpoint.members.push_back(places_.first_of(member));
-  checkpoint.started_workers = places_.started_workers;
-  report_.save(std::move(checkpoint), is_last);
+  if (!whole_ || whole_->env_states.empty()) keep_whole_update(true);
+  if (rank() == 0) report_.save(*whole_, is_last);
+}
+
+/// After the steps of an update.  Weights that have gone bad end the run at the last good ones, or are put back to them and the run goes
+/// on; false where they are sound.
+bool TrainWorker::rolls_back() {
+  const auto fault = fault_of_weights(policy_);
+  if (!fault) return false;
+  std::string what = fmt::format("update {}: the weights have gone bad: {}; the likeliest reason is {}", progress_.update() + 1, *fault,
+                                 suspect_key(config_));
+  if (whole_) load_learner_state(policy_, learner_.optimizer(), *whole_, "the update before");
+  if (whole_ && roll_backs_ < kRollBacks) {
+    ++roll_backs_;
+    if (rank() == 0) log_warning(fmt::format("{}; the run goes on from those of update {}", what, whole_->update));
+    return true;
+  }
+  if (whole_ && !whole_->env_states.empty()) {
+    if (rank() == 0) report_.save(*whole_, true);
+    what += fmt::format("; last.ckpt holds update {}, the last good one", whole_->update);
+  }
+  collective_.barrier();  // who throws stops the others: not before the checkpoint is written
+  throw RunError("training", what);
+}
+
+void TrainWorker::salvage() noexcept {
+  try {
+    if (whole_ && !whole_->env_states.empty()) report_.salvage(*whole_);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "earshot: the last update could not be saved: %s\n", error.what());
+  }
 }
 
 }  // namespace earshot

@@ -34,9 +34,9 @@ WorkerStart worker_start(const Collective& collective, const std::filesystem::pa
 /// after a MembershipChange Recovery brings them back to one state.
 class TrainWorker {
  public:
-  /// config, collective: must outlive this.  resume: path of start.resumed, for errors.  Throws InputError if the checkpoint does not fit,
-  /// RunError if the workers' weights differ.
-  TrainWorker(const RunConfig& config, Collective& collective, WorkerStart start, const std::filesystem::path& resume,
+  /// config, collective: must outlive this.  resume: path of start.resumed, for errors.  claim: on config.out.  Throws InputError if the
+  /// checkpoint does not fit, RunError if the workers' weights differ.
+  TrainWorker(const RunConfig& config, Collective& collective, WorkerStart start, const std::filesystem::path& resume, RunClaim claim,
               const TrainHooks& hooks);
 
   TrainReport run();
@@ -45,14 +45,20 @@ class TrainWorker {
   void restore(const Checkpoint& checkpoint, const std::filesystem::path& path);
   void join(const JoinBriefing& briefing);
 
+  void make_updates();
   void update();
   void collect();
   std::uint64_t collected_steps();
   UpdateStats learn();
   void report(const UpdateStats& stats, double update_s, std::uint64_t steps);
+  void keep_whole_update(bool with_environments);
   void save(bool is_last);
+  bool rolls_back();
+  void salvage() noexcept;
 
   [[nodiscard]] int rank() const { return collective_.identity().rank; }
+  /// Whether each worker keeps the environments of all after each update: in a tree of many workers that would be too much.
+  [[nodiscard]] bool keeps_environments() const { return collective_.identity().world_size <= kMaxMeshWorkers; }
   /// Global number of this worker's first env.  While ranks are those of the start: before any change of members.
   [[nodiscard]] int first_env() const { return places_.first_of(rank()) * config_.envs_per_worker; }
 
@@ -72,6 +78,9 @@ class TrainWorker {
 
   WorkerSums sums_;       ///< episodes and times since the last report
   double collect_s_ = 0;  ///< wall time of the last rollout, which recovery may have learned from once more
+  /// State after the last whole update, the same on every worker; where they are too many without the environments of the others.
+  std::optional<Checkpoint> whole_;
+  int roll_backs_ = 0;
 };
 
 }  // namespace earshot

@@ -4,13 +4,20 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <span>
+#include <thread>
 #include <utility>
 
 #include "sim/base/engine_commit.h"
 #include "sim/base/engine_hash.h"
+#include "sim/base/errors.h"
+#include "sim/base/file_lock.h"
 #include "sim/base/text/log.h"
+#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/checkpoint/run_folder.h"
 #include "trainer/curves/update_curves.h"
 
 namespace earshot {
@@ -18,6 +25,8 @@ namespace {
 
 constexpr int kMaxUpdatesWithoutStep = 20;  // in a row, before a run that learns nothing is ended
 constexpr std::uint64_t kLoggedSkips = 20;  // one line each; the others are counted
+// All of it is over before a launcher that ends the others kills them too.
+constexpr std::chrono::milliseconds kSalvageStep(700), kLongestSalvage(2800), kSalvageLook(50);
 
 /// A collective call.
 WorkerSums sum_over_workers(const WorkerSums& worker_sums, Collective& collective) {
@@ -41,11 +50,12 @@ WorkerSums sum_over_workers(const WorkerSums& worker_sums, Collective& collectiv
 
 }  // namespace
 
-UpdateReport::UpdateReport(const RunConfig& config, Collective& collective, const RunProgress& progress)
-    : config_(config), collective_(collective), progress_(progress) {}
+UpdateReport::UpdateReport(const RunConfig& config, Collective& collective, const RunProgress& progress, RunClaim claim)
+    : config_(config), collective_(collective), progress_(progress), claim_(std::move(claim)) {}
 
 bool UpdateReport::open_files() {
   if (files_) return false;
+  claim_.take();
   files_.emplace(config_, progress_.update());
   return true;
 }
@@ -54,6 +64,7 @@ void UpdateReport::close_files() {
   if (!files_) return;
   guards_.failed_writes += files_->finish();
   files_.reset();
+  claim_.give_up();
 }
 
 /// The statuses are those of all workers, so rank 0 can name any.
@@ -99,6 +110,7 @@ void UpdateReport::report(const UpdateStats& stats, const WorkerSums& worker_sum
   window_.push(total.episodes);                                                 // on all ranks: any may have to write one day
   const auto [rank, world_size] = collective_.identity();
   if (rank != 0) return;
+  claim_.keep();
 
   StageTimes mean;
   mean.add(total.times, 1.0 / world_size);
@@ -124,20 +136,63 @@ void UpdateReport::show_progress(const EpisodeSums& recent, const StageTimes& me
   std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 }
 
-void UpdateReport::save(Checkpoint checkpoint, bool is_last) {
-  checkpoint.config_yaml = config_text(config_);
+void UpdateReport::describe_state(Checkpoint& checkpoint) const {
   checkpoint.update = progress_.update();
   checkpoint.env_steps = progress_.env_steps();
   checkpoint.elapsed_s = progress_.total_elapsed_s();
-  checkpoint.seed = config_.seed;
   checkpoint.world_size = collective_.identity().world_size;
-  checkpoint.engine = engine_hash();
-  checkpoint.engine_commit = engine_commit();
   checkpoint.episode_window = window_.state();
   checkpoint.episode_window_fields = EpisodeSums::num_fields;
   checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
-  last_checkpoint_ = files_->checkpoint_of(progress_.update(), is_last);
-  guards_.failed_writes += files_->save(std::move(checkpoint), is_last);
+}
+
+/// What is the same in all checkpoints of a run.
+void UpdateReport::complete(Checkpoint& checkpoint) const {
+  checkpoint.config_yaml = config_text(config_);
+  checkpoint.seed = config_.seed;
+  checkpoint.engine = engine_hash();
+  checkpoint.engine_commit = engine_commit();
+}
+
+void UpdateReport::save(Checkpoint checkpoint, bool is_last) {
+  complete(checkpoint);
+  last_checkpoint_ = files_->checkpoint_of(checkpoint.update, is_last);
+  guards_.failed_writes += files_->save(std::move(checkpoint), is_last, [this] { collective_.note_progress(); });
+}
+
+void UpdateReport::salvage(Checkpoint whole) {
+  if (whole.update == 0) return;
+  complete(whole);
+  const std::uint64_t update = whole.update;
+  if (files_) {
+    guards_.failed_writes += files_->finish();
+    if (files_->saved_update() >= update) return;
+    guards_.failed_writes += files_->save(std::move(whole), false);
+    guards_.failed_writes += files_->finish();
+    if (files_->saved_update() == update) log_info(fmt::format("update {} is saved", update));
+    return;
+  }
+  // All have the same state.  Whoever was not lost with rank 0 writes it, the lowest first.
+  const RunFolder folder(config_.out);
+  const auto is_written = [&] {
+    for (const auto& file : {folder.checkpoint_of(update), folder.last_checkpoint()})
+      if (std::filesystem::exists(file)) try {
+          if (load_checkpoint_metadata(file).update >= update) return true;
+        } catch (const InputError&) {  // of a writer that was lost
+        }
+    return false;
+  };
+  const auto turn = std::chrono::steady_clock::now() + std::min(kSalvageStep * collective_.identity().rank, kLongestSalvage);
+  while (std::chrono::steady_clock::now() < turn) {
+    if (is_written()) return;
+    std::this_thread::sleep_for(kSalvageLook);
+  }
+  claim_.take();
+  const auto alone = FileLock::acquire(folder.checkpoint_of(update).parent_path() / "salvage.lock", kSalvageStep);
+  if (is_written()) return;
+  save_checkpoint(whole, folder.checkpoint_of(update));
+  log_info(
+      fmt::format("worker {}: update {} is saved", collective_.members()[static_cast<std::size_t>(collective_.identity().rank)], update));
 }
 
 void UpdateReport::note_members(const MembershipChange& change) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "trainer/checkpoint/run_claim.h"
 #include "trainer/checkpoint/run_state.h"
 #include "trainer/collective/worker_updates.h"
 #include "trainer/learner/ppo.h"
@@ -30,12 +31,12 @@ struct WorkerSums {
 /// (GuardCounts::failed_writes) and the run goes on, but for the last checkpoint.
 class UpdateReport {
  public:
-  /// config, collective, progress: must outlive this.
-  UpdateReport(const RunConfig& config, Collective& collective, const RunProgress& progress);
+  /// config, collective, progress: must outlive this.  claim: on config.out; the default one claims nothing.
+  UpdateReport(const RunConfig& config, Collective& collective, const RunProgress& progress, RunClaim claim = {});
 
-  /// Of rank 0, before report() and save().  False where the files are open already.
+  /// Of rank 0, before report() and save(): takes the claim.  False where the files are open already.
   bool open_files();
-  /// Of a worker that has written the run, once a lower one has joined: waits for the checkpoint that is on its way.
+  /// Of a worker that has written the run, once a lower one has joined: waits for the checkpoint that is on its way, gives the claim up.
   void close_files();
 
   /// Counts what the guards of one update did, and logs the first skips and alarms.  Returns the reason where the run has to end, as too
@@ -43,9 +44,16 @@ class UpdateReport {
   [[nodiscard]] std::optional<std::string> note(UpdateStats stats);
   /// Progress line and curve point.  A collective call.  worker_updates: gather_worker_updates().
   void report(const UpdateStats& stats, const WorkerSums& worker_sums, const std::vector<WorkerUpdate>& worker_updates, double steps_per_s);
-  /// Of rank 0: writes the checkpoint.  checkpoint: learner and environments of all workers; the rest is filled in here.  Throws RunError
-  /// if the last one cannot be written.
+  /// How far the run is and what its episodes came to, into a checkpoint of the update that has just been reported.
+  void describe_state(Checkpoint& checkpoint) const;
+  /// Of rank 0: writes the checkpoint.  checkpoint: learner and environments of all workers, described; the rest is filled in here.  Throws
+  /// RunError if the last one cannot be written.
   void save(Checkpoint checkpoint, bool is_last);
+  /// Of rank 0: whether the last periodic checkpoint could not be written.
+  [[nodiscard]] bool owes_checkpoint() { return files_ && files_->owes_checkpoint(); }
+  /// Of a worker whose run ends by an error: writes that state, unless it or a later one is on disk.  Another than rank 0 first lets
+  /// those before it do so.  Not collective.  Throws RunError if it cannot be written.
+  void salvage(Checkpoint whole);
 
   /// Members that are lost or have joined.
   void note_members(const MembershipChange& change);
@@ -69,11 +77,13 @@ class UpdateReport {
 
  private:
   void log_guards(const UpdateStats& stats) const;
+  void complete(Checkpoint& checkpoint) const;
   void show_progress(const EpisodeSums& recent, const StageTimes& mean, double steps_per_s) const;
 
   const RunConfig& config_;
   Collective& collective_;
   const RunProgress& progress_;
+  RunClaim claim_;
   std::optional<RunFiles> files_;
   EpisodeWindow window_;
   RunCounters counters_;

@@ -226,6 +226,22 @@ TEST(RunLock, ALeaseIsRenewedWhileItsHolderLivesAndLostIfItStandsStill) {
   EXPECT_FALSE(other->is_lost());
 }
 
+TEST(RunLock, AFileInARunBelongsToIt) {
+  const PrivateTestFolder folder;
+  const std::filesystem::path run = std::filesystem::canonical(folder.path()) / "run";
+  EXPECT_FALSE(run_folder_around(run / "result.json"));
+  write_file_atomically(run / "notes.txt", "mine");
+  EXPECT_FALSE(run_folder_around(run / "result.json"));
+  write_file_atomically(run / "checkpoints" / "last.ckpt", "x");
+  EXPECT_EQ(run_folder_around(run / "result.json"), run);
+  EXPECT_EQ(run_folder_around(run / "checkpoints" / "result.json"), run);
+  EXPECT_FALSE(run_folder_around(run / "results" / "result.json"));
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(run);
+  EXPECT_EQ(run_folder_around("result.json"), run);
+  std::filesystem::current_path(before);
+}
+
 TEST(RunLock, RecordsComeBackAndDamagedOnesAreNone) {
   const LockRecord record = own_lock_record("earshot train", "SLURM_JOB_ID 4");
   EXPECT_FALSE(is_known_gone(record));

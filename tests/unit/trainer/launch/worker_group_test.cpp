@@ -1,5 +1,6 @@
 #include "trainer/launch/worker_group.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -14,6 +15,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/exit_codes.h"
 #include "tests/support/seconds_since.h"
 #include "tests/support/workers/worker_processes.h"
 
@@ -68,7 +70,7 @@ TEST(WorkerGroupCopy, Acts) {
   }
   if (role == "lossy") {  // one is killed, one left out, one stands still for ever, one makes it to the end
     if (rank == 0) ::raise(SIGKILL);
-    if (rank == 1) std::_Exit(kLeftOutExitCode);
+    if (rank == 1) std::_Exit(kExitLostWorld);
     if (rank == 2) ::raise(SIGSTOP);
     std::this_thread::sleep_for(milliseconds(300));
     note("end" + std::to_string(rank), "");
@@ -105,6 +107,18 @@ TEST(WorkerGroupCopy, Acts) {
     while (caught == 0) std::this_thread::sleep_for(milliseconds(5));
     note("polite" + std::to_string(rank), "");
     std::_Exit(0);
+  }
+  if (role == "interrupted") std::_Exit(rank == 0 ? kExitAskedToEnd : kExitDone);
+  if (role == "failing") {  // rank 0 loses rank 1, which has a reason of its own to end, and says so later
+    if (rank == 0) std::_Exit(kExitLostWorld);
+    ::signal(SIGTERM, SIG_IGN);
+    std::this_thread::sleep_for(milliseconds(400));
+    std::_Exit(kExitFailed);
+  }
+  if (role == "crashing") std::abort();
+  if (role == "handed") {
+    const char* text = std::getenv("EARSHOT_TEST_HANDED");
+    std::_Exit(text != nullptr && ::fcntl(std::atoi(text), F_GETFD) >= 0 ? 0 : 14);
   }
   if (role == "wait") {
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
@@ -156,12 +170,30 @@ TEST_F(WorkerGroup, FirstFailureStopsTheOthersAndGivesItsCode) {
   EXPECT_FALSE(is_running(pid(2)));
 }
 
-TEST_F(WorkerGroup, KilledWorkerCountsAsFailure) { EXPECT_EQ(spawn(2, "killed"), 1); }
+TEST_F(WorkerGroup, KilledWorkerCountsAsFailure) { EXPECT_EQ(spawn(2, "killed"), kExitLostWorld); }
+
+TEST_F(WorkerGroup, CodesAreThoseOfTheTable) {
+  EXPECT_EQ(spawn(3, "interrupted"), kExitAskedToEnd);
+  EXPECT_EQ(spawn(2, "failing"), kExitFailed) << "a loss that another worker is the reason of";
+  EXPECT_EQ(spawn(2, "crashing"), kExitFailed);
+}
+
+TEST_F(WorkerGroup, WorkersGetWhatIsHandedToThem) {
+  const int descriptor = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+  ::setenv("EARSHOT_TEST_ROLE", "handed", 1);
+  ::setenv("EARSHOT_TEST_HANDED", "99", 1);
+  ::alarm(60);
+  const std::vector<std::string> copy{"--gtest_filter=WorkerGroupCopy.Acts", "--gtest_brief=1"};
+  const Handed handed{.descriptors = {descriptor}, .variables = {"EARSHOT_TEST_HANDED=" + std::to_string(descriptor)}};
+  EXPECT_EQ(spawn_workers(2, copy, milliseconds(5000), OnLoss::stop, 0, handed), 0);
+  EXPECT_EQ(spawn_workers(2, copy, milliseconds(5000), OnLoss::stop, 0), 14) << "closed where it is not handed";
+  ::close(descriptor);
+}
 
 TEST_F(WorkerGroup, LostWorkersStopNoOtherWhereTheyGoOn) {
   EXPECT_EQ(spawn(4, "lossy", milliseconds(5000), OnLoss::go_on), 0);
   EXPECT_TRUE(exists("end3"));
-  EXPECT_EQ(spawn(2, "killed", milliseconds(500), OnLoss::stop), 1);
+  EXPECT_EQ(spawn(2, "killed", milliseconds(500), OnLoss::stop), kExitLostWorld);
   EXPECT_EQ(spawn(3, "fail", std::chrono::seconds(40), OnLoss::go_on), 5);  // an error of its own ends the run
 }
 
