@@ -81,7 +81,7 @@ torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
 
 ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config)
     : sensors_(sensor_table(spec, 1)), config_(config) {
-  std::erase_if(sensors_, [](const SensorSpec& sensor) { return sensor.privileged; });
+  std::erase_if(sensors_, [](const SensorSpec& sensor) { return is_for_learner(sensor.kind); });
   if (sensors_.empty()) throw InputError("sensors", "are all off, so the policy has no input", "switch on depth, spectrogram or pointgoal");
   int features = 0;
   for (const SensorSpec& sensor : sensors_) {

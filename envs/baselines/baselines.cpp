@@ -44,6 +44,19 @@ std::optional<Baseline> baseline_by_name(std::string_view name) {
   return std::nullopt;
 }
 
+std::string_view baseline_name(Baseline baseline) {
+  for (const auto& [name, known] : kNames)
+    if (known == baseline) return name;
+  return {};
+}
+
+std::vector<SensorKind> sensors_of(Baseline baseline) {
+  if (baseline != Baseline::greedy && baseline != Baseline::classical) return {};
+  return {SensorKind::heard, SensorKind::waveform, SensorKind::depth, SensorKind::collision};
+}
+
+bool reads_simulator(Baseline baseline) { return baseline == Baseline::random_oracle_stop || baseline == Baseline::oracle; }
+
 std::string baseline_names() {
   std::string names;
   for (const auto& entry : kNames) names += (names.empty() ? "" : " ") + std::string(entry.first);

@@ -10,6 +10,7 @@
 
 #include "envs/baselines/baseline_observation.h"
 #include "envs/batch/batched_env.h"
+#include "envs/sensors/sensor.h"
 #include "sim/base/random.h"
 
 namespace earshot {
@@ -23,6 +24,11 @@ enum class Baseline {
   oracle,              ///< follows the geodesic
 };
 std::optional<Baseline> baseline_by_name(std::string_view name);
+std::string_view baseline_name(Baseline baseline);
+/// Kinds of sensors that it reads; empty of those that go by what the simulator knows (reads_simulator) or by chance.
+std::vector<SensorKind> sensors_of(Baseline baseline);
+/// Whether it acts by the goal and the map of the simulator.
+bool reads_simulator(Baseline baseline);
 /// "random random_oracle_stop greedy classical oracle": for messages.
 std::string baseline_names();
 

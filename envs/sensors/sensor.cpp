@@ -26,6 +26,42 @@ std::string_view name_of(SensorType type) {
   return names[static_cast<std::size_t>(type)];
 }
 
+SensorSource source_of(SensorKind kind) {
+  switch (kind) {
+    case SensorKind::depth:
+    case SensorKind::rgb:
+      return SensorSource::eyes;
+    case SensorKind::semantic:
+    case SensorKind::normals:
+      return SensorSource::labels;
+    case SensorKind::spectrogram:
+    case SensorKind::interaural:
+    case SensorKind::waveform:
+    case SensorKind::heard:
+      return SensorSource::ears;
+    case SensorKind::gps_compass:
+    case SensorKind::pose:
+      return SensorSource::odometry;
+    case SensorKind::collision:
+    case SensorKind::previous_action:
+      return SensorSource::body;
+    case SensorKind::topdown_map:
+      return SensorSource::map;
+    case SensorKind::pointgoal:
+    case SensorKind::oracle_action:
+    case SensorKind::goal_state:
+      break;
+  }
+  return SensorSource::goal;
+}
+
+bool is_for_learner(SensorKind kind) { return kind == SensorKind::oracle_action || kind == SensorKind::goal_state; }
+
+std::string_view name_of(SensorSource source) {
+  constexpr std::array<std::string_view, 7> names{"eyes", "ears", "body", "odometry", "labels", "map", "goal"};
+  return names[static_cast<std::size_t>(source)];
+}
+
 std::size_t SensorSpec::count() const {
   return std::accumulate(shape.begin(), shape.end(), std::size_t{1},
                          [](std::size_t product, int extent) { return product * static_cast<std::size_t>(extent); });
@@ -72,7 +108,10 @@ std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_sampl
       {spec.map.size_px, spec.map.size_px, map_channels(spec.map)}, "1", 0, 255);
   add(spec.oracle_action, "oracle_action", SensorKind::oracle_action, SensorType::int32, {1}, "1", 0, kNumActions - 1);
   add(spec.goal_state, "goal_state", SensorKind::goal_state, f32, {4}, "m,m,rad,rad", -kPi, kUnbounded);
-  for (SensorSpec& sensor : table) sensor.privileged = sensor.kind == SensorKind::oracle_action || sensor.kind == SensorKind::goal_state;
+  for (SensorSpec& sensor : table) {
+    const SensorSource source = source_of(sensor.kind);
+    sensor.privileged = source == SensorSource::map || source == SensorSource::goal;
+  }
   return table;
 }
 

@@ -13,25 +13,41 @@ namespace earshot {
 
 /// What a sensor measures.  Shapes are those of one row.
 enum class SensorKind : std::uint8_t {
-  depth,            ///< float32 [height, width, 1], as CameraImages::depth
-  rgb,              ///< uint8 [height, width, 3], as CameraImages::rgb
-  semantic,         ///< uint16 [height, width, 1], as CameraImages::semantic
-  normals,          ///< float32 [height, width, 3], as CameraImages::normals
-  spectrogram,      ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
-  interaural,       ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
-  waveform,         ///< float32 [2, samples of a step]: what the ears heard in this step
-  heard,            ///< float32 [2, samples of a second]: what they heard in the last second
-  pointgoal,        ///< float32 [2]: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from ahead
-  gps_compass,      ///< float32 [3]: metres ahead of and to the right of the start, as it faced, and radians turned since, in [-pi, pi]
-  pose,             ///< float32 [4]: as gps_compass, then the seconds since the start
-  collision,        ///< uint8 [1]: 1 where the last step met an obstacle
+  depth,        ///< float32 [height, width, 1], as CameraImages::depth
+  rgb,          ///< uint8 [height, width, 3], as CameraImages::rgb
+  semantic,     ///< uint16 [height, width, 1], as CameraImages::semantic
+  normals,      ///< float32 [height, width, 3], as CameraImages::normals
+  spectrogram,  ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
+  interaural,   ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
+  waveform,     ///< float32 [2, samples of a step]: what the ears heard in this step
+  heard,        ///< float32 [2, samples of a second]: what they heard in the last second
+  pointgoal,    ///< float32 [2], privileged: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from
+                ///< ahead
+  gps_compass,  ///< float32 [3]: metres ahead of and to the right of the start, as it faced, and radians turned since, in [-pi, pi]
+  pose,         ///< float32 [4]: as gps_compass, then the seconds since the start
+  collision,    ///< uint8 [1]: 1 where the last step met an obstacle
   previous_action,  ///< int32 [1]: the last action; -1 before the first
-  topdown_map,      ///< uint8 [size, size, channels], as draw_topdown_map: what is walkable, the path, the agent, the goals
+  topdown_map,      ///< uint8 [size, size, channels], privileged, as draw_topdown_map: what is walkable, the path, the agent, the goals
   oracle_action,    ///< int32 [1], privileged: what the oracle would do here
   goal_state,  ///< float32 [4], privileged: metres to the goal on foot and in a straight line; bearings of the goal and of the next corner
                ///< on the way to it in radians, counter-clockwise from ahead
 };
 inline constexpr std::size_t kNumSensorKinds = static_cast<std::size_t>(SensorKind::goal_state) + 1;
+
+/// What the readings of a sensor are made from.
+enum class SensorSource : std::uint8_t {
+  eyes,      ///< what a camera sees: depth, colours
+  ears,      ///< the sound at the ears
+  body,      ///< the last action, and whether it met an obstacle
+  odometry,  ///< where the agent is relative to its start
+  labels,    ///< what the simulator knows of a picture: categories, directions of surfaces
+  map,       ///< the plan of the scene
+  goal,      ///< where the goal is
+};
+SensorSource source_of(SensorKind kind);
+/// A label or a critic's input, which policies do not read.
+bool is_for_learner(SensorKind kind);
+std::string_view name_of(SensorSource source);
 
 enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };
 std::size_t size_of(SensorType type);
@@ -47,7 +63,7 @@ struct SensorSpec {
   std::string units;         ///< "m", "rad", "1"; of sensors that mix units, one for each number: "m,rad"
   double low = 0, high = 0;  ///< closed range of the values, infinite where there is no bound
   int camera = -1;           ///< of a picture: index in ObservationSpec::all_cameras()
-  bool privileged = false;   ///< what no agent could sense: labels and a critic's input, which policies do not read
+  bool privileged = false;   ///< derived from the goal or the map (source_of): no agent could sense it
 
   [[nodiscard]] std::size_t count() const;  ///< numbers in a row
   [[nodiscard]] std::size_t bytes() const { return count() * size_of(type); }

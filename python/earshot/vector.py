@@ -85,7 +85,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     @property
     def privileged_sensors(self) -> list[str]:
-        """Keys of observations that no agent could sense: labels, and a critic's input."""
+        """Keys of observations that are derived from the goal or the map: no agent could sense them."""
         return list(self._sensors.privileged)
 
     def reset(
