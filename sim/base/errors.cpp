@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "sim/base/control_characters.h"
+
 namespace earshot {
 namespace {
 
@@ -14,9 +16,7 @@ std::string joined(std::string_view where, std::string_view what, std::string_vi
   text.append(": ").append(what);
   if (!remedy.empty()) text.append("; ").append(remedy);
   if (text.size() > kLongestMessage) text.replace(kLongestMessage, std::string::npos, "...");
-  for (char& letter : text)
-    if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F) letter = ' ';
-  return text;
+  return printable(text);
 }
 
 }  // namespace

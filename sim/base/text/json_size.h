@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace earshot {
+
+/// How much a parsed JSON text may hold: what a parser makes of it takes up to fifty times the bytes of the text.
+struct JsonLimits {
+  std::size_t values;  ///< items of lists and maps
+  std::size_t texts;   ///< in quotes, keys included
+  std::size_t lists;   ///< and maps
+  /// 0: of the whole text.  Else of each part of the text at least so many levels deep, and of what lies between such parts.
+  std::size_t per_depth = 0;
+};
+
+/// Throws InputError naming `where` if the text holds more.  It need not be valid.  One pass, 0.5 GB/s.
+void check_json_size(std::string_view text, const std::string& where, const JsonLimits& limits);
+
+}  // namespace earshot
