@@ -9,8 +9,10 @@
 #include "envs/episodes/gzip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_size.h"
 #include "sim/base/text/schema_version.h"
 
 namespace earshot {
@@ -19,6 +21,10 @@ namespace {
 using nlohmann::json;
 
 constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
+/// Sets of thousands of episodes shrink ten to thirty times; zeros do a thousand times.
+constexpr std::size_t kMaxGrowth = 100, kLeastTextBytes = std::size_t{16} << 20;
+/// Of one episode, and of what lies around them: an honest one has some tens of values.
+constexpr JsonLimits kEpisodeLimits{.values = 2'000'000, .texts = 500'000, .lists = 100'000, .per_depth = 3};
 constexpr const char* kGeneratorKey = "earshot_generator";
 constexpr const char* kVersionKey = "schema_version";
 constexpr std::string_view kScenePrefix = "data/scene_datasets/";
@@ -204,6 +210,7 @@ struct ParsedSet {
 
 ParsedSet parse_text(std::string_view text, const std::string& where) {
   check_json_depth(text, where);
+  check_json_size(text, where, kEpisodeLimits);
   ParsedSet set;
   std::string key;
   bool has_list = false;
@@ -212,6 +219,7 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
   const auto take = [&](int depth, json::parse_event_t event, json& parsed) {
     if (depth == 1 && event == json::parse_event_t::key) {
       key = parsed.get<std::string>();
+      return key == "episodes" || key == kGeneratorKey || key == kVersionKey || key == "content_scenes_path";  // no other is kept
     } else if (depth == 1 && key == "episodes" && event == json::parse_event_t::array_end) {
       has_list = true;
     } else if (depth == 2 && key == "episodes") {
@@ -252,7 +260,9 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
 }
 
 ParsedSet parse_bytes(std::string_view bytes, const std::string& where) {
-  return is_gzip(bytes) ? parse_text(gunzip(bytes, where, kMaxTextBytes), where) : parse_text(bytes, where);
+  if (!is_gzip(bytes)) return parse_text(bytes, where);
+  const std::size_t most = std::min(kMaxTextBytes, std::max(kLeastTextBytes, kMaxGrowth * bytes.size()));
+  return parse_text(gunzip(bytes, where, most), where);
 }
 
 /// Files of a set that is split by scene, sorted by name: pattern has {data_path} (folder of the set) and {scene} (any name).
@@ -334,11 +344,13 @@ EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& w
   return finish(parse_bytes(json_or_gzip, where), where);
 }
 
+bool is_split_set(std::string_view json_or_gzip, const std::string& where) { return parse_bytes(json_or_gzip, where).episodes.empty(); }
+
 EpisodeSet load_episode_set(const std::filesystem::path& path) {
-  ParsedSet set = parse_bytes(read_file(path, kMaxTextBytes), path.string());
+  ParsedSet set = parse_bytes(read_regular_file(path, kMaxTextBytes), path.string());
   if (set.episodes.empty())
     for (const auto& file : content_files(path, set.content_pattern)) {
-      auto part = parse_bytes(read_file(file, kMaxTextBytes), file.string()).episodes;
+      auto part = parse_bytes(read_regular_file(file, kMaxTextBytes), file.string()).episodes;
       std::move(part.begin(), part.end(), std::back_inserter(set.episodes));
     }
   return finish(std::move(set), path.string());
