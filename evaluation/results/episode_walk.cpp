@@ -16,15 +16,16 @@
 
 namespace earshot {
 
+std::string resolve_scene(const std::string& scene_id, const std::string& scene_root) {
+  if (scene_root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
+  const std::filesystem::path inside = std::filesystem::path(scene_root) / scene_id;
+  std::error_code ignored;  // "house:3" is no file, and that is fine
+  return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
+}
+
 std::shared_ptr<const Scene> load_scene_under(const std::string& scene_id, const std::string& scene_root) {
   const FlushDenormals flush;
-  std::string spec = scene_id;
-  if (!scene_root.empty() && !std::filesystem::path(scene_id).is_absolute()) {
-    const std::filesystem::path inside = std::filesystem::path(scene_root) / scene_id;
-    std::error_code ignored;  // "house:3" is no file, and that is fine
-    if (std::filesystem::exists(inside, ignored)) spec = inside.string();
-  }
-  return std::make_shared<const Scene>(load_scene(spec));
+  return std::make_shared<const Scene>(load_scene(resolve_scene(scene_id, scene_root)));
 }
 
 WalkedScene load_walked_scene(const std::string& scene_id, const EnvConfig& config) {

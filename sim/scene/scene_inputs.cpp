@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <set>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 
@@ -42,6 +44,7 @@ class InputHash {
   std::string add_file(const fs::path& path) {
     std::string bytes = read_file(path);
     add_text(bytes);
+    files_.insert(path.string());
     return bytes;
   }
   /// A file that may be absent.
@@ -61,13 +64,16 @@ class InputHash {
     std::error_code error;
     const auto size = fs::file_size(path, error);
     add_text(error ? "absent" : std::to_string(size));
+    if (!error) files_.insert(path.string());
     const auto time = fs::last_write_time(path, error);
     add_text(error ? "absent" : std::to_string(time.time_since_epoch().count()));
   }
   [[nodiscard]] std::uint64_t value() const { return hash_; }
+  [[nodiscard]] const std::set<std::string>& files() const { return files_; }
 
  private:
   std::uint64_t hash_ = 0;
+  std::set<std::string> files_;
 };
 
 /// Every "uri": "NAME" of a glTF; data URIs are among its bytes already.
@@ -93,6 +99,25 @@ void add_material_libraries(InputHash& hash, const fs::path& mesh, std::string_v
   hash.add_if_there(fs::path(mesh).replace_extension(".mtl"));
 }
 
+/// Pictures that material libraries among the files name.
+std::set<std::string> pictures_of_libraries(const std::set<std::string>& files) {
+  std::set<std::string> pictures;
+  for (const fs::path path : files) {
+    if (fold_case(path.extension().string()) != ".mtl") continue;
+    std::istringstream lines(read_file(path));
+    for (std::string line; std::getline(lines, line);) {
+      if (line.find("map_") == std::string::npos) continue;
+      const std::size_t end = line.find_last_not_of(" \t\r");
+      const std::size_t begin = line.find_last_of(" \t", end);
+      if (end == std::string::npos || begin == std::string::npos) continue;
+      const fs::path picture = path.parent_path() / line.substr(begin + 1, end - begin);
+      std::error_code error;
+      if (is_picture(picture) && fs::is_regular_file(picture, error)) pictures.insert(picture.string());
+    }
+  }
+  return pictures;
+}
+
 void add_mesh(InputHash& hash, const std::string& spec) {
   if (is_generated(spec)) return hash.add_text(spec);
   const fs::path mesh(spec);
@@ -112,9 +137,7 @@ void add_yaml(InputHash& hash, const fs::path& path) {
   if (const auto semantics = reader.scalar("semantics"); semantics && *semantics != "indoor") hash.add_file(beside(*semantics));
 }
 
-}  // namespace
-
-std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec) {
+std::optional<InputHash> inputs_of(const std::string& spec) {
   try {
     InputHash hash;
     hash.add_text(spec);  // random materials depend on it
@@ -123,12 +146,27 @@ std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec) {
       add_yaml(hash, spec);
     else
       add_mesh(hash, is_generated(spec) ? spec : parse_mesh_spec(spec).path);
-    return hash.value();
+    return hash;
   } catch (const Unknown&) {
     return std::nullopt;
   } catch (const InputError&) {
     return std::nullopt;  // load_scene meets the same, and throws it
   }
+}
+
+}  // namespace
+
+std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec) {
+  const std::optional<InputHash> hash = inputs_of(spec);
+  return hash ? std::optional(hash->value()) : std::nullopt;
+}
+
+std::optional<std::vector<std::string>> files_of_scene(const std::string& spec) {
+  const std::optional<InputHash> hash = inputs_of(spec);
+  if (!hash) return std::nullopt;
+  std::set<std::string> files = hash->files();
+  files.merge(pictures_of_libraries(files));
+  return std::vector<std::string>(files.begin(), files.end());
 }
 
 }  // namespace earshot

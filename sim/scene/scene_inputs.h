@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace earshot {
 
@@ -13,5 +14,8 @@ namespace earshot {
 /// nullopt where it cannot be told, as for a file that is missing or a name with escapes: load_scene says what is wrong there, if anything.
 /// Reads every file once: about 0.2 ms per MB of a file in memory.  Never throws for what is on the disk.
 std::optional<std::uint64_t> hash_of_scene_inputs(const std::string& spec);
+
+/// The files among them that there are, textures included, each once and in order; none for a generated scene.  nullopt as above.
+std::optional<std::vector<std::string>> files_of_scene(const std::string& spec);
 
 }  // namespace earshot
