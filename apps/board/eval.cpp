@@ -7,13 +7,17 @@
 
 #include "apps/board/board_commands.h"
 #include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard.h"
 #include "evaluation/leaderboard/private_set.h"
 #include "evaluation/results/evaluation_workers.h"
 #include "evaluation/results/evaluator.h"
 #include "evaluation/results/result_groups.h"
+#include "sim/base/control_characters.h"
 #include "sim/base/files.h"
 #include "sim/base/process/closed_pipe.h"
+#include "sim/base/regular_file.h"
+#include "sim/base/text/log.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_lock.h"
 #include "trainer/launch/launcher_job.h"
@@ -28,7 +32,7 @@ namespace {
 constexpr const char* kWhat = "earshot eval";
 
 struct EvalArguments {
-  std::string agent, config, out, name, benchmark, private_file;
+  std::string agent, config, out, name, benchmark, private_file, track;
   std::vector<std::string> overrides;
   EvaluationConfig evaluation;
   bool argmax = false, sample = false;
@@ -42,6 +46,9 @@ void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
   evaluation.episodes = config.eval.file;
   evaluation.generator = expected_generator(config.eval, config.env);
 }
+
+/// Largest file of a policy that a benchmark takes; that of configs/policies has 2 MB, one of the published sizes 20 MB.
+constexpr std::size_t kMaxPolicyBytes = std::size_t{64} << 20;
 
 /// What an evaluation needs, whatever process runs it.
 struct Plan {
@@ -68,7 +75,63 @@ std::vector<std::shared_ptr<RunLock>> lock_written_runs(const EvalArguments& opt
   return locks;
 }
 
+/// The benchmark that is named, with its set made and the right one; nothing without.
+std::optional<Benchmark> benchmark_of(const EvalArguments& options) {
+  if (options.benchmark.empty()) {
+    if (!options.private_file.empty()) throw InputError("--private", "needs a benchmark", "name the benchmark with --benchmark FILE");
+    if (!options.track.empty()) throw InputError("--track", "needs a benchmark", "name the benchmark with --benchmark FILE");
+    return std::nullopt;
+  }
+  if (!options.config.empty() || !options.evaluation.episodes.empty())
+    throw InputError("--benchmark", "already sets the rules and the episodes", "leave out --config and --episodes");
+  if (!options.track.empty() && options.track != kAnything)
+    throw InputError("--track " + options.track, "cannot be asked for: the sensors of a policy decide its track",
+                     fmt::format("leave it out, or write --track {} for a policy whose sensors no track has", kAnything));
+  Benchmark benchmark = load_benchmark(options.benchmark, options.overrides);
+  if (!options.private_file.empty()) benchmark = with_private_set(benchmark, options.private_file);
+  static_cast<void>(benchmark_set(benchmark));
+  return benchmark;
+}
+
+/// The config with the acoustics that are decided once for all who hear by it.
+RunConfig with_decided_acoustics(const RunConfig& config) {
+  const auto kept = with_kept_acoustics(config, {config.out});
+  return decide_field(kept ? *kept : planned_alone(config)).config;
+}
+
+/// A network is made before weights are read into it.  The least that its config needs, at two bytes a weight, must be in the file.
+void refuse_larger_network(const PolicyConfig& policy, std::size_t bytes, const std::string& where) {
+  const auto square = [](int width) { return static_cast<double>(width) * width; };
+  const double least = 3 * square(policy.hidden_size) + 2 * square(policy.conv_channels);
+  if (2 * least > static_cast<double>(bytes))
+    throw InputError(where, fmt::format("is {} bytes, but its network needs at least {:.0f} weights", bytes, least),
+                     "export the policy again (earshot policy)");
+}
+
+/// A policy on a benchmark: its network and its choice of sensors are its own, what they show is the benchmark's.  Paths in its config are
+/// not looked at.
+void enter_policy(Plan& plan, const Benchmark& benchmark, bool anything) {
+  const std::string where = plan.checkpoint.string();
+  const std::size_t bytes = read_regular_file(plan.checkpoint, kMaxPolicyBytes).size();
+  const RunConfig policy = parse_effective_config(load_checkpoint_metadata(plan.checkpoint).config_yaml, where + " (its config)",
+                                                  {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""});
+  refuse_larger_network(policy.policy, bytes, where);
+  plan.config = with_decided_acoustics(benchmark.run);
+  plan.config.name = policy.name;
+  plan.config.policy = policy.policy;
+  plan.config.eval_actions = policy.eval_actions;
+  const std::vector<std::string> changed = changed_in_training(plan.config.env, policy.env);
+  if (!changed.empty())
+    log_warning(fmt::format("{} was trained with other values of env.{}{}: those of {} {} are used", where, changed.front(),
+                            changed.size() > 1 ? fmt::format(" and {} more keys", changed.size() - 1) : "", benchmark.name,
+                            benchmark.version));
+  plan.config.env = env_for_policy(benchmark, plan.config.env, policy.env, where, anything);
+  plan.evaluation.env = plan.config.env;
+  if (!plan.evaluation.actions) plan.evaluation.actions = policy.eval_actions;
+}
+
 Plan plan_of(const EvalArguments& options) {
+  if (has_control_character(options.name)) throw InputError("--name", "has control characters", "use letters, digits and signs");
   Plan plan;
   plan.baseline = baseline_by_name(options.agent);
   plan.evaluation = options.evaluation;
@@ -77,30 +140,25 @@ Plan plan_of(const EvalArguments& options) {
     throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
-  std::optional<Benchmark> benchmark;
-  if (options.benchmark.empty() && !options.private_file.empty())
-    throw InputError("--private", "needs a benchmark", "name the benchmark with --benchmark FILE");
-  if (!options.benchmark.empty()) {
-    if (!options.config.empty() || !evaluation.episodes.empty())
-      throw InputError("--benchmark", "already sets the rules and the episodes", "leave out --config and --episodes");
-    benchmark = load_benchmark(options.benchmark);
-    if (!options.private_file.empty()) benchmark = with_private_set(*benchmark, options.private_file);
-    static_cast<void>(benchmark_set(*benchmark));  // made where it is missing, and the right one
+  const std::optional<Benchmark> benchmark = benchmark_of(options);
+  if (benchmark) {
     evaluation.episodes = benchmark->run.eval.file;
     evaluation.seed = benchmark->seed;
   }
   if (plan.baseline) {
-    RunConfig config = benchmark                ? benchmark->run
-                       : options.config.empty() ? parse_run_config("", "--set", options.overrides)
-                                                : load_run_config(options.config, options.overrides);
-    const auto kept = with_kept_acoustics(config, {config.out});
-    plan.config = decide_field(kept ? *kept : planned_alone(config)).config;  // it hears what the policy of this config does
+    const RunConfig config = benchmark                ? benchmark->run
+                             : options.config.empty() ? parse_run_config("", "--set", options.overrides)
+                                                      : load_run_config(options.config, options.overrides);
+    plan.config = with_decided_acoustics(config);  // it hears what the policy of this config does
     take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
   } else {
     plan.checkpoint = find_checkpoint(options.agent);
-    plan.config = parse_effective_config(load_checkpoint_metadata(plan.checkpoint).config_yaml, plan.checkpoint.string() + " (its config)",
-                                         options.overrides);
+    if (benchmark) {
+      enter_policy(plan, *benchmark, !options.track.empty());
+    } else {
+      plan.config = config_of_checkpoint(load_checkpoint_metadata(plan.checkpoint), plan.checkpoint.string(), options.overrides);
+    }
     take_set_of(plan.config, evaluation);
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing, and the checkpoint's config has no data.eval.file", "name an episode set");
@@ -139,6 +197,7 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
     result = evaluate(plan, options);
   }
   if (!plan.trained_sounds.empty()) note_novelty(result, plan.trained_sounds);
+  result.track = options.track;
   if (!options.name.empty()) result.agent = options.name;
   if (!options.out.empty()) save_result(result, options.out);
   fmt::print("{}", leaderboard_text({result}));
@@ -157,8 +216,12 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
   command->add_option("--config", options->config, "Run config with the environment for a baseline");
   command->add_option("--benchmark", options->benchmark,
                       "Benchmark file (see configs/benchmarks); sets the episodes, the seed and a baseline's environment");
+  command->add_option("--track", options->track,
+                      "With --benchmark: 'anything' also takes a policy whose sensors no track has; it is shown apart from the ranking");
   command->add_option("--private", options->private_file, "Evaluate on the benchmark's private set in this file instead of its test set");
-  command->add_option("--set", options->overrides, "Override a key of the config: key=value; may be repeated");
+  command->add_option(
+      "--set", options->overrides,
+      "Override a key of the config: key=value; may be repeated. With --benchmark only folders, threads and sizes of caches");
   command->add_option("--name", options->name, "Agent name in tables (default: name of the config)");
   command->add_option("--seed", options->evaluation.seed, "Seed of sampled actions")->capture_default_str();
   command->add_option("--threads", options->evaluation.threads, "Simulation threads; 0: all cores; the number does not change results")

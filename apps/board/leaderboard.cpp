@@ -12,6 +12,7 @@
 #include "apps/board/board_commands.h"
 #include "apps/commands.h"
 #include "evaluation/leaderboard/benchmark.h"
+#include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard_page.h"
 #include "evaluation/leaderboard/paired_comparison.h"
 #include "evaluation/leaderboard/private_set.h"
@@ -58,7 +59,7 @@ ReadResults read_results(const std::vector<std::string>& files, const std::optio
       throw InputError(path, "was changed after it was written: the checksum does not match",
                        "use the original file of 'earshot eval --out'");
     if (benchmark) {
-      verify_for_benchmark(result, path, *benchmark, read.set, verify);
+      result.standing = verify_for_benchmark(result, path, *benchmark, read.set, verify).standing;
       result.verified = true;
     }
     read.results.push_back(std::move(result));
@@ -113,12 +114,31 @@ void check_names(const std::vector<EvaluationResult>& results, const std::vector
                          "evaluate one of them again with another --name");
 }
 
+/// What the numbers of each rest on: those who keep the board know which policies they have run.
+void note_evidence_of_all(std::vector<EvaluationResult>& results, const std::vector<std::string>& run_here,
+                          const std::vector<PrivateScore>& hidden) {
+  for (EvaluationResult& result : results) {
+    if (!result.partial_of.empty() && result.standing->apart.empty())
+      result.standing->apart = "it covers only the first episodes of the set";
+    if (std::ranges::find(run_here, result.agent) == run_here.end()) {
+      note_evidence(*result.standing, Evidence::actions);
+      continue;
+    }
+    const bool on_both = std::ranges::find(hidden, result.agent, &PrivateScore::agent) != hidden.end();
+    if (result.senses.empty())
+      throw InputError("--run-here " + result.agent, "names a result of an older version, which does not say what the agent sensed",
+                       "evaluate the agent again");
+    note_evidence(*result.standing, on_both ? Evidence::private_set : Evidence::run_by_board);
+  }
+}
+
 void check_options(const LeaderboardArguments& options) {
   if (options.compare && options.results.size() != 2) throw InputError("--compare", "needs exactly two results", "give two result files");
   if (options.compare && !options.html.empty())
     throw InputError("--html", "cannot be combined with --compare, which prints no ranking", "give only one of them");
-  for (const auto& [list, option] :
-       {std::pair(&options.links, "--link"), std::pair(&options.replays, "--replay"), std::pair(&options.run_here, "--run-here")})
+  if (!options.run_here.empty() && options.benchmark.empty())
+    throw InputError("--run-here", "has no effect without --benchmark, whose board ranks policies that were run", "add --benchmark FILE");
+  for (const auto& [list, option] : {std::pair(&options.links, "--link"), std::pair(&options.replays, "--replay")})
     if (options.html.empty() && !list->empty()) throw InputError(option, "has no effect without --html", "add --html FILE");
   if (options.private_file.empty() != options.private_results.empty())
     throw InputError("--private", "and --private-result need each other", "give both or neither");
@@ -161,7 +181,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
   std::optional<Benchmark> benchmark;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
   ReadResults read = read_results(options.results, benchmark, options.verify);
-  const std::vector<EvaluationResult>& results = read.results;
+  std::vector<EvaluationResult>& results = read.results;
   if (options.compare) {
     fmt::print("{}", comparison_text(results[0], results[1]));
     if (!options.json.empty()) write_file_atomically(options.json, comparison_json(results[0], results[1]));
@@ -172,12 +192,11 @@ void run_leaderboard(const LeaderboardArguments& options) {
   for (const std::string& link : options.links) page.links.push_back(parse_link(link));
   for (const std::string& replay : options.replays) add_replay_link(replay, results, page);
   for (const std::string& agent : options.run_here) require_result_of(agent, "--run-here " + agent, results);
-  page.run_here = {options.run_here.begin(), options.run_here.end()};
   if (!options.private_file.empty())
     page.private_scores = private_scores(
         results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify).results);
   if (benchmark) page.benchmark = fmt::format("{} {}", benchmark->name, benchmark->version);
-  page.tells_evidence = benchmark.has_value();
+  if (benchmark) note_evidence_of_all(results, options.run_here, page.private_scores);
   if (needs_places(options)) note_places_of_all(read, scene_root_of(options.verify, benchmark), benchmark.has_value());
   const std::string groups = options.by ? groups_text(results, *options.by) : "";  // refused before anything is written
 
@@ -231,7 +250,7 @@ void add_leaderboard(CLI::App& app) {
   command
       ->add_option(
           "--run-here", options->run_here,
-          "Agent whose policy you ran yourself; the page marks all other results as verified from their actions alone; may be repeated")
+          "With --benchmark: agent whose policy you ran yourself. All others rest on their actions alone and get no rank; may be repeated")
       ->allow_extra_args(false);
   command->add_option("--private", options->private_file, "File with the benchmark's private set, used for --private-result");
   command->add_option("--private-result", options->private_results, "Result file of one of the agents on the private set; may be repeated")

@@ -44,8 +44,7 @@ void replay_quarantined(const ReplayArguments& options) {
 RunConfig sensing_config(const ReplayArguments& options) {
   if (!options.policy.empty()) {
     const auto checkpoint = find_checkpoint(options.policy);
-    return parse_effective_config(load_checkpoint_metadata(checkpoint).config_yaml, checkpoint.string() + " (its config)",
-                                  options.overrides);
+    return config_of_checkpoint(load_checkpoint_metadata(checkpoint), checkpoint.string(), options.overrides);
   }
   if (!options.benchmark.empty()) {
     RunConfig config = load_benchmark(options.benchmark).run;

@@ -46,15 +46,18 @@ void run_verify(VerifyArguments options) {
                     {"partial", verified.partial},
                     {"same_engine", verified.same_engine},
                     {"toolchain", verified.toolchain},
-                    {"rules_hash", rules_hash}});
+                    {"rules_hash", rules_hash},
+                    {"track", verified.standing.track},
+                    {"rests_on", "actions alone"}});
   };
   for (const std::string& file : options.results) {
     const EvaluationResult result = load_result(file);
     if (benchmark) {
       const Verification verified = verify_for_benchmark(result, file, *benchmark, *set_of_all, options.verify);
-      fmt::print("{}", verified_line(file, verified,
-                                     fmt::format("of benchmark {} {}{}", benchmark->name, benchmark->version,
-                                                 options.private_file.empty() ? "" : ", private set")));
+      fmt::print("{}", verified_line(
+                           file, verified,
+                           fmt::format("of benchmark {} {}{}; track {}, as it says; rests on its actions alone", benchmark->name,
+                                       benchmark->version, options.private_file.empty() ? "" : ", private set", verified.standing.track)));
       note(file, verified, benchmark->rules_hash);
       continue;
     }

@@ -6,10 +6,15 @@
 #include <vector>
 
 #include "envs/episodes/name_ranges.h"
+#include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/results/result_groups.h"
+#include "evaluation/results/set_digest.h"
 #include "evaluation/results/split_overlap.h"
+#include "sim/base/control_characters.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/regular_file.h"
+#include "sim/base/text/listed.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
 
@@ -31,18 +36,73 @@ std::vector<std::string> new_sounds(const Benchmark& benchmark, const std::vecto
   return tested;
 }
 
+/// Values of the text of a file, whatever the type.
+std::string key_values(const std::map<std::string, std::string>& values) {
+  std::string text;
+  for (const auto& [key, value] : values) text += key + "=" + value + "\n";
+  return text;
+}
+
+/// Keys of a run config that a machine may have its own in an evaluation.
+bool is_free_in_evaluation(const std::string& key) {
+  if (key.starts_with("env.")) return is_local_key(key.substr(4));
+  return key == "out" || key == "eval_envs" || key == "data.eval.file";
+}
+
+/// The run of the file with overrides, none of which may change what is fixed.
+RunConfig overridden(const RunConfig& run, const std::vector<std::string>& keys, const std::vector<std::string>& overrides,
+                     const std::string& where) {
+  if (overrides.empty()) return run;
+  std::vector<std::string> all = keys;
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  RunConfig changed = parse_run_config("", where, all);
+  for (const ConfigChange& change : config_changes(flat_config(config_text(run)), flat_config(config_text(changed))))
+    if (!is_free_in_evaluation(change.key))
+      throw InputError("--set " + change.key, fmt::format("= {}, but {} has {}: it is fixed", change.now, where, change.before),
+                       "leave it out; folders, threads and sizes of caches may be set");
+  return changed;
+}
+
+/// What an evaluation would choose by itself cannot be the same everywhere.
+void refuse_undecided(const Benchmark& benchmark, const std::string& where) {
+  if (!benchmark.run.env.accuracy.empty())
+    throw InputError(where, "has env.accuracy, which each machine plans by itself", "write the acoustics that it comes to (earshot plan)");
+  if (has_control_character(benchmark.name) || benchmark.name.empty())
+    throw InputError(where, "has a benchmark.name that is empty or has control characters", "write letters, digits and signs");
+}
+
 }  // namespace
 
-std::string hash_of_rules(const MetricRules& rules) {
-  std::string text;
-  for (const auto& [key, value] : rules) text += key + "=" + value + "\n";
+std::string hash_of_senses(const SensedConfig& senses, const std::vector<Track>& tracks) {
+  std::string text = key_values(senses);
+  for (const Track& track : tracks) text += fmt::format("track {}={}\n", track.name, listed(track.sensors, ","));
   return hex64(hash64(text));
 }
 
-Benchmark load_benchmark(const std::filesystem::path& path) {
+std::string hash_of_rules(const MetricRules& rules) { return hex64(hash64(key_values(rules))); }
+
+namespace {
+
+/// Rules and senses are those that the file fixes.
+void check_hashes(const Benchmark& benchmark, const std::string& where) {
+  const std::string rules = hash_of_rules(metric_rules(benchmark.run.env, benchmark.run.eval_envs));
+  if (rules != benchmark.rules_hash)
+    throw InputError(where, fmt::format("has rules with hash {}, but benchmark.rules_hash is {}", rules, benchmark.rules_hash),
+                     "restore the benchmark file, or give the changed rules another version and this hash");
+  const std::string senses = hash_of_senses(sensed_config(benchmark.run.env), benchmark.tracks);
+  if (senses != benchmark.senses_hash)
+    throw InputError(where,
+                     fmt::format("has senses and tracks with hash {}, but benchmark.senses_hash is {}", senses,
+                                 benchmark.senses_hash.empty() ? "missing" : benchmark.senses_hash),
+                     "restore the benchmark file, or give what agents sense another version and this hash");
+}
+
+}  // namespace
+
+Benchmark load_benchmark(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   const std::string where = path.string();
   Benchmark benchmark;
-  ConfigReader file = ConfigReader::from_file(path);
+  ConfigReader file = ConfigReader::from_text(read_regular_file(path, kMaxBytes), where);
   if (file.text().size() > kMaxBytes) throw InputError(where, "is too long for a benchmark file", "use a file of configs/benchmarks");
   if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "use a file of configs/benchmarks");
   ConfigReader section = file.child("benchmark");
@@ -50,7 +110,9 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
   section.read_required("version", benchmark.version);
   section.read_required("set_hash", benchmark.set_hash);
   section.read_required("rules_hash", benchmark.rules_hash);
+  section.read("senses_hash", benchmark.senses_hash);
   section.read("seed", benchmark.seed);
+  section.read("content_sha256", benchmark.content_sha256);
   section.read("heard_sounds", benchmark.heard_sounds);
   section.read("held_out_kinds", benchmark.held_out_kinds);
   ConfigReader hidden = section.child("private");
@@ -60,16 +122,17 @@ Benchmark load_benchmark(const std::filesystem::path& path) {
       benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
   if (!benchmark.private_sha256.empty() && !is_hash)
     throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write the output of sha256sum, in quotes");
+  static_cast<void>(section.child("tracks"));  // read once the sensors are known
   section.finish();
   std::vector<std::string> run;
   for (const auto& [key, value] : flat_config(file.text()))
     if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
   benchmark.run = parse_run_config("", where, run);
+  benchmark.tracks = read_tracks(section, benchmark.run.env.observation);
+  refuse_undecided(benchmark, where);
   if (benchmark.run.eval.file.empty()) throw InputError(where, "has no data.eval.file", "set it to the file of the test set");
-  const std::string rules = hash_of_rules(metric_rules(benchmark.run.env, benchmark.run.eval_envs));
-  if (rules != benchmark.rules_hash)
-    throw InputError(where, fmt::format("has rules with hash {}, but benchmark.rules_hash is {}", rules, benchmark.rules_hash),
-                     "restore the benchmark file, or give the changed rules another version and this hash");
+  check_hashes(benchmark, where);
+  benchmark.run = overridden(benchmark.run, run, overrides, where);
   return benchmark;
 }
 
@@ -81,6 +144,13 @@ EpisodeSet benchmark_set(const Benchmark& benchmark) {
         data.file,
         fmt::format("contains the set {}, but {} {} needs {}", hex64(set.hash), benchmark.name, benchmark.version, benchmark.set_hash),
         "delete the file so that it is written again; if the hash stays the same, this build generates other episodes");
+  const std::string content = digest_of_content(set, benchmark.run.env.scene_root, benchmark.run.env.sound_root);
+  if (content != benchmark.content_sha256)
+    throw InputError(data.file,
+                     fmt::format("names files of scenes and sounds with the SHA-256 {}, but {} {} needs {}",
+                                 content.empty() ? "(none)" : content, benchmark.name, benchmark.version,
+                                 benchmark.content_sha256.empty() ? "none: benchmark.content_sha256 is missing" : benchmark.content_sha256),
+                     "restore the files, or give other ones another version and this hash");
   return set;
 }
 
@@ -116,8 +186,10 @@ Verification verify_for_benchmark(const EvaluationResult& result, const std::str
   const char* remedy = "evaluate the agent again with --benchmark";
   if (result.seed != benchmark.seed)
     throw InputError(where, fmt::format("was run with seed {}, but {} needs {}", result.seed, benchmark.name, benchmark.seed), remedy);
-  const Verification verified =
+  Standing standing = standing_of(result, where, benchmark);
+  Verification verified =
       verify_result(result, where, set, rules_for(result.rules, metric_rules(benchmark.run.env, benchmark.run.eval_envs)), config);
+  verified.standing = std::move(standing);
   EvaluationResult noted = result;
   note_novelty(noted, expand_sounds(benchmark.run.train.sounds));
   for (std::size_t i = 0; i < noted.episodes.size(); ++i)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "envs/episodes/episode_set.h"
+#include "evaluation/leaderboard/tracks.h"
 #include "evaluation/results/verify_result.h"
 #include "trainer/run/run_config.h"
 
@@ -15,24 +16,32 @@ namespace earshot {
 /// section `benchmark` that fixes it.
 struct Benchmark {
   std::string name;
-  int version = 1;         ///< another one whenever set or rules change
-  std::string set_hash;    ///< EpisodeSet::hash of the test set, as hex64
-  std::string rules_hash;  ///< of what metrics depend on (metric_rules), as hex64
-  std::uint64_t seed = 0;  ///< of sampled actions (`eval --seed`)
+  int version = 1;          ///< another one whenever set or rules change
+  std::string set_hash;     ///< EpisodeSet::hash of the test set, as hex64
+  std::string rules_hash;   ///< of what metrics depend on (metric_rules), as hex64
+  std::string senses_hash;  ///< of what agents sense by (sensed_config) and of the tracks, as hex64
+  std::uint64_t seed = 0;   ///< of sampled actions (`eval --seed`)
   /// Sounds of the test set that the training may have as well, so that what is new to the ears can be told from what is not.
   std::vector<std::string> heard_sounds = {};
   /// Kinds of sound (sound_kind) of the test set of which the training has none.
   std::vector<std::string> held_out_kinds = {};
+  std::vector<Track> tracks = default_tracks();
+  std::string content_sha256 = {};  ///< of the files of scenes and sounds that the test set names (digest_of_content); empty: it names none
   std::string private_sha256 = {};  ///< of the file of a second set that is not published (private_set.h); empty: there is none
   RunConfig run;
 };
 
-/// Throws InputError: the file is missing or a key is, is unknown, or its rules are others than rules_hash says.
-Benchmark load_benchmark(const std::filesystem::path& path);
+/// Throws InputError: the file is missing or a key is, is unknown, or its rules or senses are others than its hashes say.
+/// overrides: "key=value" of the run config; none but what a machine may have its own: folders, threads, sizes of caches and of the
+/// batch (is_local_key).  Throws InputError that names a key that the benchmark fixes.
+Benchmark load_benchmark(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
 /// XXH3 of the rules' text.
 std::string hash_of_rules(const MetricRules& rules);
+/// The same of what agents sense by, and of the tracks.
+std::string hash_of_senses(const SensedConfig& senses, const std::vector<Track>& tracks);
 
-/// The test set in the file that data.eval names, which is made first where it is missing.  Throws InputError if its hash is another.
+/// The test set in the file that data.eval names, which is made first where it is missing.  Throws InputError if its hash is
+/// another, or that of the files of its scenes and sounds.
 EpisodeSet benchmark_set(const Benchmark& benchmark);
 
 /// Looks for scenes and sounds of the training in the test set: by name, houses and floors by their seed whatever their other keys,

@@ -7,8 +7,12 @@
 
 namespace earshot {
 
-/// Results ranked by SPL, then success, then name: rank 1 first.
+/// Results ranked by SPL, then success, then name: rank 1 first.  Where they stand on a board: track by track, by the
+/// names of the tracks, then those that are shown apart.
 std::vector<EvaluationResult> ranked(std::vector<EvaluationResult> results);
+
+/// Rank of each of the rows that ranked() gives, from 1 in each track; 0: shown apart, without a rank.
+std::vector<int> ranks_of(const std::vector<EvaluationResult>& rows);
 
 /// The table for a terminal: one row per agent, each metric with its 95 % interval; a note when the agents ran different sets or engines.
 std::string leaderboard_text(const std::vector<EvaluationResult>& results);

@@ -63,16 +63,10 @@ std::string table(const std::string& caption, const std::vector<std::string>& he
   return html + "</tr></thead>\n<tbody>\n" + rows + "</tbody></table></div>\n";
 }
 
-const PrivateScore* score_of(const BoardPage& page, const std::string& agent) {
-  const auto found = std::ranges::find(page.private_scores, agent, &PrivateScore::agent);
-  return found == page.private_scores.end() ? nullptr : &*found;
-}
-
-/// What shows that the agent chose its actions by what it sensed.
-std::string evidence(const BoardPage& page, const std::string& agent) {
-  if (score_of(page, agent) != nullptr) return "policy was run on the private set";
-  if (page.run_here.contains(agent)) return "policy was run by the maintainer on the public set";
-  return "actions only: the policy was not run by the maintainer";
+/// Whom the agent is compared with, and what shows that it chose its actions by what it sensed.
+std::string standing_cells(const EvaluationResult& row) {
+  if (!row.standing) return "<td>unknown</td><td>unknown</td>";
+  return fmt::format("<td>{}</td><td class=\"words\">{}</td>", escape_markup(row.standing->track), escape_markup(row.standing->rests_on));
 }
 
 std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPage& page) {
@@ -83,7 +77,9 @@ std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPag
   const std::vector<BoardColumn>& columns = board_columns();
   std::vector<std::string> heads{"rank", "agent"};
   for (std::size_t c = 0; c < kRankedBy; ++c) heads.emplace_back(columns[c].title);
-  if (page.tells_evidence) heads.emplace_back("origin of the actions");
+  const bool stands = std::ranges::any_of(rows, [](const auto& row) { return row.standing.has_value(); });
+  const std::vector<int> ranks = ranks_of(rows);
+  if (stands) heads.insert(heads.end(), {"track", "origin of the actions"});
   if (!page.replays.empty()) heads.emplace_back("replays");
   for (std::size_t c = kRankedBy; c < columns.size(); ++c) heads.emplace_back(columns[c].title);
   if (silence) heads.emplace_back("success when silent");
@@ -92,13 +88,14 @@ std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPag
   std::string body;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const EvaluationResult& row = rows[i];
-    body += fmt::format("<tr><td>{}</td><th scope=\"row\">{}</th>", i + 1, escape_markup(row.agent));
+    const std::string rank = ranks[i] > 0 ? std::to_string(ranks[i]) : "not ranked";
+    body += fmt::format("<tr><td>{}</td><th scope=\"row\">{}</th>", rank, escape_markup(row.shown_agent()));
     const auto cell = [&](std::size_t c) {
       const Estimate e = columns[c].get(row);
       body += "<td>" + numbers(e, columns[c].digits) + (c < kRankedBy ? bar(e) : "") + "</td>";
     };
     for (std::size_t c = 0; c < kRankedBy; ++c) cell(c);
-    if (page.tells_evidence) body += "<td class=\"words\">" + evidence(page, row.agent) + "</td>";
+    if (stands) body += standing_cells(row);
     if (!page.replays.empty()) {
       const auto found = page.replays.find(row.agent);
       body += "<td class=\"words\">" + (found == page.replays.end() ? std::string("none") : links(found->second)) + "</td>";
@@ -109,7 +106,9 @@ std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPag
     if (verified) body += row.verified ? "<td>yes</td>" : "<td>no</td>";
     body += "</tr>\n";
   }
-  return table("Agents by SPL: mean and 95 % interval (" + interval_kind(rows) + "); bars: mean, with the interval across", heads, body);
+  return table(std::string(stands ? "Agents of each track by SPL" : "Agents by SPL") + ": mean and 95 % interval (" + interval_kind(rows) +
+                   "); bars: mean, with the interval across",
+               heads, body);
 }
 
 std::string private_table(const BoardPage& page) {

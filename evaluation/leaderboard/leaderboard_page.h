@@ -1,7 +1,6 @@
 #pragma once
 
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,13 +18,11 @@ struct BoardPage {
   /// The same of replays, by agent.
   std::map<std::string, std::vector<std::pair<std::string, std::string>>> replays = {};
   std::vector<PrivateScore> private_scores = {};
-  std::set<std::string> run_here = {};  ///< agents that were run, and not only read, by whoever makes the page
-  bool tells_evidence = false;          ///< whether it says of each agent what shows that ears chose its actions
 };
 
-/// One HTML file that needs no network and no script: the table with intervals and bars, what shows where the actions come from, public
-/// and private numbers beside each other, and success and SPL by novelty and kind of the sound, size of the scene, distance and scene,
-/// where the results hold it.
+/// One HTML file that needs no network and no script: the table with intervals and bars, of each agent its track and what its numbers rest
+/// on, public and private numbers beside each other, and success and SPL by novelty and kind of the sound, size of the scene, distance and
+/// scene, where the results hold it.
 std::string leaderboard_page(const std::vector<EvaluationResult>& results, const BoardPage& page);
 
 }  // namespace earshot

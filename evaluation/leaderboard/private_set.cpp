@@ -14,6 +14,7 @@
 #include "envs/config/env_config.h"
 #include "envs/config/episode_maker.h"
 #include "envs/episodes/name_ranges.h"
+#include "evaluation/results/set_digest.h"
 #include "evaluation/results/split_overlap.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -146,7 +147,7 @@ Benchmark with_private_set(const Benchmark& benchmark, const std::filesystem::pa
   if (benchmark.private_sha256.empty())
     throw InputError(benchmark.name, "has no private set: benchmark.private.sha256 is missing",
                      "make one with 'earshot benchmark FILE --make-private SET', and put its SHA-256 into the file");
-  const std::string sha256 = sha256_hex(read_file(file));
+  const std::string sha256 = digest_of_set(file, benchmark.run.env.scene_root, benchmark.run.env.sound_root);
   if (sha256 != benchmark.private_sha256)
     throw InputError(file.string(),
                      fmt::format("has the SHA-256 {}, but the private set of {} {} has {}", sha256, benchmark.name, benchmark.version,
@@ -154,7 +155,9 @@ Benchmark with_private_set(const Benchmark& benchmark, const std::filesystem::pa
                      "use the file with the published SHA-256");
   Benchmark with = benchmark;
   with.run.eval.file = file.string();
-  with.set_hash = hex64(load_episode_set(file).hash);
+  const EpisodeSet set = load_episode_set(file);
+  with.set_hash = hex64(set.hash);
+  with.content_sha256 = digest_of_content(set, benchmark.run.env.scene_root, benchmark.run.env.sound_root);
   return with;
 }
 

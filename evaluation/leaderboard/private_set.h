@@ -9,8 +9,9 @@
 
 namespace earshot {
 
-/// A benchmark may name a second test set by the SHA-256 of its file alone (benchmark.private.sha256), which its maintainers keep to
-/// themselves: what a policy does there it cannot have been trained for, and the set cannot be chosen after the policies are known.
+/// A benchmark may name a second test set by a SHA-256 alone (benchmark.private.sha256: digest_of_set, of all that it names), which its
+/// maintainers keep to themselves: what a policy does there it cannot have been trained for, and the set cannot be chosen after the
+/// policies are known.
 
 /// The benchmark with the private set of `file` in the place of its own: what is evaluated or verified by it is so on that set.  Throws
 /// InputError: the benchmark names none, the file is another than it names, or no episode set.

@@ -112,6 +112,7 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
   result.episodes_file = evaluation.episodes;
   result.seed = evaluation.seed;
   result.rules = metric_rules(config, num_envs);
+  result.senses = sensed_config(config);
   result.episodes.resize(num_episodes);
   if (evaluation.part) {
     PartOfEpisodes(env, *set, *evaluation.part, result).run(act, after);

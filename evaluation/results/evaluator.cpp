@@ -30,6 +30,7 @@ EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, c
   };
   EvaluationResult result = run_episodes(env, evaluation, name, act, [](const BatchedEnv&) {});
   result.policy_hash = name;
+  result.baseline = baseline_name(baseline);
   return result;
 }
 

@@ -15,8 +15,9 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
                                      const std::vector<std::string>& overrides) {
   use_one_torch_thread();
   const Checkpoint checkpoint = load_checkpoint(path);
-  const RunConfig config = parse_effective_config(checkpoint.config_yaml, path.string() + " (its config)", overrides);
-  ActorCritic policy(config.env.observation, config.policy);
+  const RunConfig config = config_of_checkpoint(checkpoint, path.string(), overrides);
+  const EnvConfig& env_config = evaluation.env ? *evaluation.env : config.env;
+  ActorCritic policy(env_config.observation, config.policy);
   load_weights(policy, checkpoint, path.string());
   policy->eval();
 
@@ -35,7 +36,7 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
       acting.push_back({static_cast<std::uint32_t>(env.agent(i).episode_index), 0, static_cast<std::uint32_t>(env.agent(i).episode_step)});
     sample_actions(output.logits, acting, evaluation.seed, actions);
   };
-  EvaluationResult result = run_episodes(config.env, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
+  EvaluationResult result = run_episodes(env_config, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
 
   result.toolchain = this_toolchain();
   result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));

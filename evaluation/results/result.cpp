@@ -9,13 +9,17 @@
 #include <set>
 #include <string_view>
 
+#include "envs/baselines/baselines.h"
 #include "envs/task/action.h"
+#include "sim/base/control_characters.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_number.h"
+#include "sim/base/text/json_size.h"
 #include "sim/base/text/schema_version.h"
 
 namespace earshot {
@@ -72,11 +76,8 @@ constexpr int kResultVersion = 2;
 
 /// XXH3 of everything else in the file, whatever the order of keys and blanks.  Tells that a file was damaged or edited; whoever makes a
 /// false one can make its checksum too.
-std::string checksum_of(const nlohmann::json& json) {
-  nlohmann::json rest = json;
-  rest.erase("checksum");
-  return hex64(hash64(json_text_of_any_bytes(rest)));
-}
+/// rest: without the checksum.
+std::string checksum_of(const nlohmann::json& rest) { return hex64(hash64(json_text_of_any_bytes(rest))); }
 
 Json to_json(const Estimate& estimate) { return {{"mean", estimate.mean}, {"low", estimate.low}, {"high", estimate.high}}; }
 
@@ -168,6 +169,10 @@ Estimate EvaluationResult::collisions() const {
   return over(*this, kUnbounded, [](const EpisodeMetrics& m) { return m.collisions; });
 }
 
+std::string EvaluationResult::shown_agent() const {
+  return baseline.empty() || baseline == agent ? agent : agent + " (baseline " + baseline + ")";
+}
+
 std::vector<std::pair<std::string, Estimate>> EvaluationResult::summary() const {
   return {{"success", success()},
           {"spl", spl()},
@@ -209,6 +214,9 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
                {"engine_hash", result.engine_hash},
                {"episodes_file", result.episodes_file},
                {"seed", result.seed},
+               {"baseline", result.baseline},
+               {"track", result.track},
+               {"senses", result.senses},
                {"rules", result.rules},
                {"toolchain", result.toolchain},
                {"summary", summary},
@@ -218,6 +226,32 @@ void save_result(const EvaluationResult& result, const std::filesystem::path& pa
 }
 
 namespace {
+
+/// Texts of a result are printed: one that moves the cursor or turns a line around would show what the file does not say.
+void refuse_control_characters(const nlohmann::json& json, const std::string& where) {
+  const auto check = [&](const std::string& text) {
+    if (has_control_character(text))
+      throw InputError(where, "has a text with control characters: '" + text + "'", "use a file written by 'earshot eval --out'");
+  };
+  if (json.is_string()) check(json.get_ref<const std::string&>());
+  if (json.is_object())
+    for (const auto& [key, value] : json.items()) check(key);
+  if (json.is_structured())
+    for (const auto& value : json)
+      if (!value.is_number()) refuse_control_characters(value, where);
+}
+
+/// A whole result of 14,000 episodes of 280 steps fits.
+constexpr JsonLimits kResultLimits{.values = 4'000'000, .texts = 700'000, .lists = 100'000};
+
+nlohmann::json parse_result(const std::filesystem::path& path) {
+  const std::string text = read_regular_file(path, kMaxResultBytes);
+  check_json_depth(text, path.string());
+  check_json_size(text, path.string(), kResultLimits);
+  nlohmann::json json = parse_json(text);
+  refuse_control_characters(json, path.string());
+  return json;
+}
 
 void read_summary(const nlohmann::json& summary, EvaluationResult& result) {
   for (const auto& [name, value] : summary.items()) {
@@ -232,11 +266,9 @@ void read_summary(const nlohmann::json& summary, EvaluationResult& result) {
 }  // namespace
 
 EvaluationResult load_result(const std::filesystem::path& path) {
-  const std::string text = read_file(path, std::size_t{1} << 30);
-  check_json_depth(text, path.string());
   EvaluationResult result;
   try {
-    const auto json = parse_json(text);
+    auto json = parse_result(path);
     check_schema_version(json, "earshot_result", path.string(), "a result", {1, kResultVersion});
     json.at("agent").get_to(result.agent);
     json.at("policy_hash").get_to(result.policy_hash);
@@ -246,8 +278,16 @@ EvaluationResult load_result(const std::filesystem::path& path) {
     result.seed = whole_number<std::uint64_t>(json, "seed");
     if (json.contains("partial_of")) json.at("partial_of").get_to(result.partial_of);
     if (json.contains("rules")) json.at("rules").get_to(result.rules);
+    if (json.contains("senses")) json.at("senses").get_to(result.senses);
+    if (json.contains("track")) json.at("track").get_to(result.track);
+    if (json.contains("baseline")) json.at("baseline").get_to(result.baseline);
+    if (!json.contains("baseline") && baseline_by_name(result.policy_hash)) result.baseline = result.policy_hash;
     if (json.contains("toolchain")) json.at("toolchain").get_to(result.toolchain);
-    if (json.contains("checksum")) result.is_as_written = json.at("checksum").get<std::string>() == checksum_of(json);
+    if (json.contains("checksum")) {
+      const auto checksum = json.at("checksum").get<std::string>();
+      json.erase("checksum");
+      result.is_as_written = checksum == checksum_of(json);
+    }
     if (json.contains("summary")) read_summary(json.at("summary"), result);
     for (const auto& row : json.at("episodes")) {
       EvaluationResult::Row read;

@@ -21,6 +21,7 @@ struct Verification {
   std::uint64_t steps = 0;
   bool partial = false;      ///< fewer episodes than the set has
   bool same_engine = false;  ///< of the build that wrote the result
+  Standing standing = {};    ///< of verify_for_benchmark: what it rests on is not noted
   std::string toolchain;     ///< walking_toolchain() of the program that wrote it; empty if the result does not say
 };
 

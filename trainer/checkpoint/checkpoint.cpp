@@ -11,6 +11,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/regular_file.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 
 namespace earshot {
@@ -217,7 +218,7 @@ void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& 
 }
 
 Checkpoint load_checkpoint(const std::filesystem::path& path) {
-  return decode_checkpoint(read_file(path, kMaxCheckpointBytes), path.string());
+  return decode_checkpoint(read_regular_file(path, kMaxCheckpointBytes), path.string());
 }
 
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where) {

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "sim/base/errors.h"
-#include "sim/base/files.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/log.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 #include "trainer/checkpoint/run_folder.h"
@@ -11,7 +11,7 @@
 namespace earshot {
 
 CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path) {
-  const std::string bytes = read_file(path, kMaxCheckpointBytes);
+  const std::string bytes = read_regular_file(path, kMaxCheckpointBytes);
   const msgpack::object_handle body = unpack_checkpoint(bytes, path.string());
   return CheckpointFields(path.string()).metadata(body.get());
 }

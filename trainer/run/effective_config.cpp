@@ -123,4 +123,12 @@ RunConfig parse_effective_config(const std::string& yaml, const std::string& whe
   return parse_run_config(yaml, where, overrides);
 }
 
+RunConfig config_of_checkpoint(const CheckpointMetadata& checkpoint, const std::string& where, const std::vector<std::string>& overrides) {
+  std::vector<std::string> all;
+  if (checkpoint.is_policy)
+    all = {"env.field_store=\"\"", "env.scene_store=\"\"", "env.quarantine_dir=\"\"", "metrics_file=\"\"", "out=\"runs/run\""};
+  all.insert(all.end(), overrides.begin(), overrides.end());
+  return parse_effective_config(checkpoint.config_yaml, where + " (its config)", all);
+}
+
 }  // namespace earshot

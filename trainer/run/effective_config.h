@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
@@ -32,5 +33,9 @@ std::string common_settings(const RunConfig& config);
 /// The config of a checkpoint with overrides.  Throws InputError for the overrides env.acoustics.preset and seed: they set the defaults of
 /// other keys, and a checkpoint holds all keys.
 RunConfig parse_effective_config(const std::string& yaml, const std::string& where, const std::vector<std::string>& overrides);
+
+/// The same of a checkpoint that was read.  A policy file may come from others: the folders that it names to write in are left out, unless
+/// an override sets them.
+RunConfig config_of_checkpoint(const CheckpointMetadata& checkpoint, const std::string& where, const std::vector<std::string>& overrides);
 
 }  // namespace earshot

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/base/control_characters.h"
 #include "sim/base/text/config_reader.h"
 #include "trainer/collective/collective.h"
 
@@ -77,6 +78,7 @@ RunConfig read_run(ConfigReader reader) {
   require(config.keep >= 1, "keep", config.keep, "must be positive: the newest checkpoint is always kept");
   require(config.eval_envs >= 1, "eval_envs", config.eval_envs, "must be positive");
   require(!config.out.empty(), "out", config.out, "must name a folder");
+  require(!has_control_character(config.name), "name", config.name, "must not have control characters: tables print it");
   return config;
 }
 

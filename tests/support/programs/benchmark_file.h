@@ -42,8 +42,12 @@ class BenchmarkFile : public testing::Test {
   /// The benchmark as a file would have it.
   Benchmark load() const {
     write_text(path("tiny.yaml"), "benchmark:\n  name: tiny\n  version: 1\n  set_hash: \"" + set_hash_ + "\"\n  rules_hash: \"" +
-                                      rules_hash_ + "\"\n" + section_ + config_text(config_));
+                                      rules_hash_ + "\"\n  senses_hash: \"" + senses_hash() + "\"\n" + section_ + config_text(config_));
     return load_benchmark(path("tiny.yaml"));
+  }
+  /// That of the config and of the tracks that section_ says, which are the usual ones.
+  [[nodiscard]] std::string senses_hash() const {
+    return senses_hash_.empty() ? hash_of_senses(sensed_config(config_.env), default_tracks()) : senses_hash_;
   }
   /// The public set made, and its hash noted.
   void make_public_set() {
@@ -56,7 +60,7 @@ class BenchmarkFile : public testing::Test {
 
   TestFolder folder_{"benchmark"};
   RunConfig config_;
-  std::string rules_hash_, set_hash_, section_;
+  std::string rules_hash_, set_hash_, section_, senses_hash_;
 };
 
 }  // namespace earshot

@@ -99,10 +99,10 @@ TEST_F(BoardCli, PagesTakeAgentsOfTheResultsAlone) {
   make_episodes(2);
   expect_done("eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz") + " --out " + path("result.json"));
   const std::string board = "leaderboard " + path("result.json") + " --html " + path("board.html");
-  expect_refused(board + " --run-here randon", AllOf(HasSubstr("--run-here randon"), HasSubstr("without a result")));
+  expect_refused(board + " --run-here random", AllOf(HasSubstr("--run-here"), HasSubstr("without --benchmark")));
   expect_refused(board + " --replay randon=a.html=best", AllOf(HasSubstr("--replay randon"), HasSubstr("without a result")));
   EXPECT_FALSE(std::filesystem::exists(path("board.html")));
-  expect_done(board + " --run-here random --replay random=a.html=best");
+  expect_done(board + " --replay random=a.html=best");
 }
 
 TEST_F(BoardCli, ShellsCompleteCommandsAndOptions) {

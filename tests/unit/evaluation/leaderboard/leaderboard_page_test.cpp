@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/results/result_groups.h"
 #include "evaluation/results/verify_result.h"
 #include "sim/base/errors.h"
@@ -85,20 +86,24 @@ TEST(PrivateGap, PairsPoliciesByNameAndHash) {
 }
 
 TEST(LeaderboardPage, SaysWhereActionsComeFrom) {
-  const std::vector<EvaluationResult> results{agent("seen", {9, 9, 9, 9, 9}), agent("run", {8, 8, 8, 8, 8}),
-                                              agent("sent", {10, 10, 10, 10, 10})};
-  BoardPage page{.benchmark = "tiny 1", .run_here = {"run"}, .tells_evidence = true};
-  page.private_scores = private_scores(results, {results[0]});
+  std::vector<EvaluationResult> results{agent("seen", {9, 9, 9, 9, 9}), agent("run", {8, 8, 8, 8, 8}), agent("sent", {10, 10, 10, 10, 10})};
+  const BoardPage page{.benchmark = "tiny 1"};
+  const Evidence evidence[] = {Evidence::private_set, Evidence::run_by_board, Evidence::actions};
+  EXPECT_THAT(leaderboard_page(results, page), Not(HasSubstr("actions alone")));
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    results[i].standing = {.track = "ears", .rests_on = {}, .apart = {}};
+    note_evidence(*results[i].standing, evidence[i]);
+  }
   const std::string html = leaderboard_page(results, page);
   const auto row_of = [&](const std::string& name) {
-    const std::size_t begin = html.find("<th scope=\"row\">" + name + "</th>");
-    return html.substr(begin, html.find("</tr>", begin) - begin);
+    const std::size_t end = html.find("</tr>", html.find("<th scope=\"row\">" + name + "</th>"));
+    return html.substr(html.rfind("<tr>", end), end - html.rfind("<tr>", end));
   };
-  EXPECT_THAT(row_of("sent"), HasSubstr("actions only: the policy was not run by the maintainer"));
-  EXPECT_THAT(row_of("run"), HasSubstr("policy was run by the maintainer on the public set"));
-  EXPECT_THAT(row_of("seen"), HasSubstr("policy was run on the private set"));
+  EXPECT_THAT(row_of("sent"), testing::AllOf(HasSubstr("<td>not ranked</td>"), HasSubstr("actions alone"), HasSubstr("<td>ears</td>")));
+  EXPECT_THAT(row_of("run"), testing::AllOf(HasSubstr("<td>2</td>"), HasSubstr("run by the board")));
+  EXPECT_THAT(row_of("seen"), testing::AllOf(HasSubstr("<td>1</td>"), HasSubstr("run by the board, on the private set too")));
+  EXPECT_THAT(html, HasSubstr("sent is not ranked: its policy was not run by the board"));
   EXPECT_THAT(html, HasSubstr("<h1>Earshot leaderboard: tiny 1</h1>"));
-  EXPECT_THAT(leaderboard_page(results, {}), Not(HasSubstr("actions only")));
 }
 
 TEST(LeaderboardPage, BreaksDownByWhatTheResultsHold) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation/results/set_digest.h"
 #include "sim/base/sha256.h"
 #include "tests/support/programs/benchmark_file.h"
 #include "trainer/run/episode_data.h"
@@ -60,6 +61,61 @@ TEST_F(PrivateSet, IsOfTheSameKindAndNew) {
   write_file_atomically(path("changed.json.gz"), bytes);
   ASSERT_EQ(load_episode_set(path("changed.json.gz")).hash, hidden.hash);
   EXPECT_THAT(refusal([&] { with_private_set(load(), path("changed.json.gz")); }), HasSubstr("has the SHA-256"));
+}
+
+// An index names its episodes by files beside it, episodes name scenes and sounds: another content is another hash.
+TEST_F(PrivateSet, TheHashBindsWhatAnIndexNames) {
+  make_public_set();
+  make_private_set(load(), path("whole.json.gz"), seeds());
+  EpisodeSet set = load_episode_set(path("whole.json.gz"));
+  const auto digest = [&] { return digest_of_set(path("index.json"), "", folder_.path().string()); };
+  const auto write_content = [&] {
+    std::filesystem::create_directories(path("content"));
+    save_episode_set(set, path("content/a.json.gz"));
+    write_text(path("index.json"), "{\"episodes\": []}");
+  };
+  write_content();
+  const std::string sha256 = digest();
+  EXPECT_NE(sha256, sha256_hex(read_file(path("index.json"))));
+  section_ += "  private: {sha256: \"" + sha256 + "\"}\n";
+  EXPECT_EQ(benchmark_set(with_private_set(load(), path("index.json"))).episodes.size(), set.episodes.size());
+  const auto expect_refused = [&] {
+    EXPECT_THAT(refusal([&] { static_cast<void>(with_private_set(load(), path("index.json"))); }), HasSubstr("has the SHA-256"));
+  };
+  // Fewer episodes, easier ones, others of the same number.
+  const EpisodeSet whole = set;
+  set.episodes.pop_back();
+  write_content();
+  expect_refused();
+  set = whole;
+  set.episodes.back().geodesic_distance_m += 1;
+  write_content();
+  expect_refused();
+  set = whole;
+  write_content();
+  EXPECT_EQ(digest(), sha256);
+  // A further file of content.
+  std::filesystem::copy_file(path("content/a.json.gz"), path("content/b.json.gz"));
+  expect_refused();
+  std::filesystem::remove(path("content/b.json.gz"));
+  // Bytes of a scene, of what it names, and of a sound.
+  set.episodes[0].scene_id = path("room.obj");
+  set.episodes[1].sound = "ring.wav";
+  write_text(path("room.obj"), "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+  write_text(path("room.mtl"), "newmtl a\nmap_Kd wall.png\n");
+  write_text(path("wall.png"), "white");
+  write_text(path("ring.wav"), "ring");
+  write_content();
+  std::set<std::string> digests{sha256, digest()};
+  for (const char* file : {"room.obj", "room.mtl", "wall.png", "ring.wav"}) {
+    const std::string was = read_file(path(file));
+    write_text(path(file), was + "\n");
+    EXPECT_TRUE(digests.insert(digest()).second) << file;
+    write_text(path(file), was);
+    EXPECT_FALSE(digests.insert(digest()).second) << file;
+  }
+  std::filesystem::remove(path("ring.wav"));
+  EXPECT_THAT(refusal([&] { static_cast<void>(digest()); }), HasSubstr("ring.wav"));
 }
 
 TEST_F(PrivateSet, NumbersOfTheSystemDiffer) {
