@@ -17,8 +17,8 @@ enum ExitCode : int {
   kExitAskedToEnd = 143    ///< by SIGTERM, SIGHUP or SIGUSR1, with a checkpoint written
 };
 
-/// This process has lost the others of its run, or one of them that the run does not go on without, through no fault of its own: the run may
-/// be started again (kExitLostWorld).
+/// This process has lost the others of its run, or one of them that the run does not go on without, through no fault of its own: the run
+/// may be started again (kExitLostWorld).
 class WorldLost : public RunError {
  public:
   using RunError::RunError;
