@@ -86,16 +86,16 @@ TEST_F(RunKeyOf, AFolderOpenToOthersIsRefused) {
 }
 
 // Whoever knows the run id, the port and the number of workers, but cannot read the key, takes no rank.
-TEST_F(RunKeyOf, AStrangerOnTheLoopbackInterfaceTakesNoRank) {
+TEST_F(RunKeyOf, AnUnknownPeerOnTheLoopbackInterfaceTakesNoRank) {
   const std::string rendezvous = "tcp://127.0.0.1:29431";
   WorkerProcesses workers(3, [&](int number) {
     if (number == 2) {  // from the first moment on
-      RingConfig stranger;
-      stranger.identity = {1, 2};
-      stranger.rendezvous = rendezvous;
-      stranger.run_id = "known to all";
-      stranger.timeout = std::chrono::milliseconds(2500);
-      return what_of([&] { make_zmq_ring(stranger); }) != "no error";
+      RingConfig unknown_peer;
+      unknown_peer.identity = {1, 2};
+      unknown_peer.rendezvous = rendezvous;
+      unknown_peer.run_id = "known to all";
+      unknown_peer.timeout = std::chrono::milliseconds(2500);
+      return what_of([&] { make_zmq_ring(unknown_peer); }) != "no error";
     }
     if (number == 1) std::this_thread::sleep_for(std::chrono::milliseconds(1500));
     set_worker(number, rendezvous);
