@@ -40,6 +40,7 @@ AirCells::AirCells(const Scene& scene, float cell_m) : scene_(&scene) {
 }
 
 void AirCells::find_pieces(const WallParts& walls) {
+  const OpenLines lines(*scene_, boxes_, walls);
   std::vector<BoxPieces> pieces(box_.size());
   open_across_.assign(box_.size(), {~std::uint64_t{0}, ~std::uint64_t{0}, ~std::uint64_t{0}});
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
@@ -47,9 +48,9 @@ void AirCells::find_pieces(const WallParts& walls) {
     const glm::ivec3 index = boxes_.index_of(i);
     pieces[i] = whole_box(boxes_, index);
     if (!is_beside_wall(boxes_, walls, index)) return;
-    const OpenLines lines(*scene_, boxes_, walls, index);
-    for (int axis = 0; axis < 3; ++axis) open_across_[i][static_cast<std::size_t>(axis)] = lines.across(axis);
-    if (walls.reach_into_box(i)) pieces[i] = find_box_pieces(*scene_, boxes_, lines, index);
+    const OpenWindows windows(lines, index);
+    for (int axis = 0; axis < 3; ++axis) open_across_[i][static_cast<std::size_t>(axis)] = windows.across(axis);
+    if (walls.reach_into_box(i)) pieces[i] = find_box_pieces(*scene_, boxes_, windows, index);
   });
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const BoxPieces& of_box = pieces[i];

@@ -51,7 +51,7 @@ class AirCells {
     if (box_[box].is_whole) return {box_[box].first, box_[box].first};
     return sure_cells_beside_walls(box_[box], index, enter, leave);
   }
-  /// The lines to the next box along an axis that belong to an opening wider than a slit, as in OpenLines::across.
+  /// The lines to the next box along an axis that belong to an opening wider than a slit, as in OpenWindows::across.
   [[nodiscard]] std::uint64_t open_across(std::size_t box, int axis) const { return open_across_[box][static_cast<std::size_t>(axis)]; }
   /// May air of no cell lie about this point of a box?
   [[nodiscard]] bool may_be_stray(std::size_t box, glm::vec3 point) const;

@@ -43,9 +43,9 @@ void join_along(const LatticeBits& lines, int axis, Groups& groups) {
 
 /// Groups of points joined through windows: three by three open lines side by side, as a slit lets a row or two of them through.  Smaller
 /// ones than a piece are left ungrouped.
-GroupOfPoint group_by_windows(const OpenLines& lines) {
+GroupOfPoint group_by_windows(const OpenWindows& windows) {
   Groups groups;
-  for (int axis = 0; axis < 3; ++axis) join_along(lines.in_windows(axis), axis, groups);
+  for (int axis = 0; axis < 3; ++axis) join_along(windows.along(axis), axis, groups);
   GroupOfPoint group;
   std::array<std::size_t, FieldBoxes::kPoints> size{};
   for (std::uint32_t i = 0; i < group.size(); ++i) ++size[group[i] = groups.find(i)];
@@ -71,7 +71,7 @@ GroupOfPoint add_visible_points(const Scene& scene, const Points& points, const 
 }
 
 /// Groups those that are left, as in gaps behind furniture, by open lines between them.
-void group_rest(const OpenLines& lines, GroupOfPoint& group) {
+void group_rest(const OpenWindows& windows, GroupOfPoint& group) {
   Groups rest;
   for (int axis = 0; axis < 3; ++axis) {
     LatticeBits between;
@@ -79,7 +79,7 @@ void group_rest(const OpenLines& lines, GroupOfPoint& group) {
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
       if (group[i] != kUngrouped || at[axis] + 1 == FieldBoxes::kPointsPerEdge) continue;
       if (group[i + FieldBoxes::kStrides[static_cast<std::size_t>(axis)]] == kUngrouped &&
-          lines.along(axis).test(at + LatticeBits::kMargin))
+          windows.lines(axis).test(at + LatticeBits::kMargin))
         between.set(at + LatticeBits::kMargin);
     }
     join_along(between, axis, rest);
@@ -120,12 +120,12 @@ BoxPieces whole_box(const FieldBoxes& boxes, const glm::ivec3& index) {
   return {.pieces = {whole}, .label = {}};
 }
 
-BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const OpenLines& lines, const glm::ivec3& index) {
+BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const OpenWindows& windows, const glm::ivec3& index) {
   Points points;
   for (int i = 0; i < FieldBoxes::kPoints; ++i) points[i] = boxes.lattice_point(index, FieldBoxes::lattice_place(i));
-  const GroupOfPoint core = group_by_windows(lines);
+  const GroupOfPoint core = group_by_windows(windows);
   GroupOfPoint group = add_visible_points(scene, points, core);
-  group_rest(lines, group);
+  group_rest(windows, group);
 
   BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(FieldBoxes::kPoints, BoxPieces::kNoPiece)};
   for (const std::vector<int>& members : members_by_size(group)) {

@@ -64,6 +64,6 @@ BoxPieces whole_box(const FieldBoxes& boxes, const glm::ivec3& index);
 /// the group that they see most of.  Pieces of fewer than 12 of the 512 points are left out: gaps behind furniture or the inside of walls,
 /// too small to know their volume.
 /// Cost: about 30 us.
-BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const OpenLines& lines, const glm::ivec3& index);
+BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const OpenWindows& windows, const glm::ivec3& index);
 
 }  // namespace earshot

@@ -12,7 +12,7 @@ namespace earshot {
 /// Two cells of adjacent boxes with more than a slit between them.
 struct CellPassage {
   std::uint32_t first, second;  ///< first < second
-  float openness;               ///< [0.25, 1]: fraction of short lines across their common face that are open (OpenLines::in_windows)
+  float openness;               ///< [0.25, 1]: fraction of short lines across their common face that are open (OpenWindows)
 };
 
 /// How the cells of a scene are joined.  Immutable; safe from any thread.

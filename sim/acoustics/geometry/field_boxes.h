@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <glm/common.hpp>
 #include <glm/vec3.hpp>
 
@@ -59,6 +60,19 @@ class FieldBoxes {
  private:
   glm::vec3 origin_{0}, edge_m_{1}, points_per_m_{kPointsPerEdge};
   glm::ivec3 count_{0};
+};
+
+/// A bit for each lattice point of a box, or for the part round it.
+struct PointBits {
+  std::array<std::uint64_t, FieldBoxes::kPoints / 64> words{};
+
+  [[nodiscard]] bool test(int number) const { return (words[static_cast<std::size_t>(number) / 64] >> (number % 64) & 1) != 0; }
+  void set(int number) { words[static_cast<std::size_t>(number) / 64] |= std::uint64_t{1} << (number % 64); }
+  /// Those along z from the points at these places along x and y.
+  [[nodiscard]] unsigned row(int x, int y) const {
+    static_assert(FieldBoxes::kPointsPerEdge == 8, "a word for each x, a byte for each y");
+    return static_cast<unsigned>(words[static_cast<std::size_t>(x)] >> (8 * y) & 0xFF);
+  }
 };
 
 /// Calls visit(place) for every place from `first` to `last`, both included, in ascending order.

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/vec3.hpp>
+#include <vector>
 
 #include "sim/acoustics/geometry/field_boxes.h"
 #include "sim/acoustics/geometry/wall_parts.h"
@@ -18,6 +19,7 @@ class LatticeBits {
   static constexpr int kEdge = FieldBoxes::kPointsPerEdge + 2 * kMargin;
 
   [[nodiscard]] bool test(const glm::ivec3& at) const { return (row_[row_of(at)] >> at.z & 1) != 0; }
+  void set_row(int x, int y, unsigned row) { row_[row_of({x, y, 0})] = static_cast<std::uint16_t>(row); }
   void set(const glm::ivec3& at) { row_[row_of(at)] = static_cast<std::uint16_t>(row_[row_of(at)] | 1 << at.z); }
   friend LatticeBits operator&(const LatticeBits& a, const LatticeBits& b) { return combined(a, b, std::bit_and<>()); }
   friend LatticeBits operator|(const LatticeBits& a, const LatticeBits& b) { return combined(a, b, std::bit_or<>()); }
@@ -40,17 +42,31 @@ class LatticeBits {
   std::array<std::uint16_t, kEdge * kEdge> row_{};  ///< [x][y], a bit for each place along z
 };
 
-/// The lattice of points of a box with kMargin points of those beside it all round, and which lines from each point to the next one along
-/// each axis are open.  Places count from the first of the margin.
+/// Which lines from each lattice point of a grid to the next one along each axis are open.
 class OpenLines {
  public:
-  /// Cost: 20 us, and a short ray for each line beside a wall.
-  OpenLines(const Scene& scene, const FieldBoxes& boxes, const WallParts& walls, const glm::ivec3& index);
+  /// Keeps a reference to `boxes`.  Cost: a short ray for each line beside a wall, in parallel.
+  OpenLines(const Scene& scene, const FieldBoxes& boxes, const WallParts& walls);
 
-  [[nodiscard]] const LatticeBits& along(int axis) const { return open_[static_cast<std::size_t>(axis)]; }
-  /// Those along an axis that are part of a window: three by three side by side, and open lines between the neighbours of both ends.  A
-  /// slit lets a row or two of lines through, and where a wall ends there, the lines on both sides of it are no neighbours.
-  [[nodiscard]] const LatticeBits& in_windows(int axis) const { return windows_[static_cast<std::size_t>(axis)]; }
+  /// Those along an axis in the box with these indices and round it.
+  [[nodiscard]] LatticeBits around(const glm::ivec3& index, int axis) const;
+
+ private:
+  const FieldBoxes* boxes_;
+  std::vector<std::array<PointBits, 3>> open_;  ///< [box][axis]
+};
+
+/// The open lines of a box and round it, and those of them in windows: three by three side by side, with open lines between the neighbours
+/// of both ends.  A slit lets a row or two of lines through, and where a wall ends there, the lines on both sides of it are no neighbours.
+/// Places count from the first of the margin.
+class OpenWindows {
+ public:
+  /// Cost: 20 us.
+  OpenWindows(const OpenLines& lines, const glm::ivec3& index);
+
+  [[nodiscard]] const LatticeBits& lines(int axis) const { return lines_[static_cast<std::size_t>(axis)]; }
+  /// Lines along an axis that are part of a window.
+  [[nodiscard]] const LatticeBits& along(int axis) const { return windows_[static_cast<std::size_t>(axis)]; }
   /// Those of them that lead to the next box along an axis: bit u * kPointsPerEdge + v for the line at the places u and v along the axes
   /// that follow it.
   [[nodiscard]] std::uint64_t across(int axis) const;
@@ -58,7 +74,7 @@ class OpenLines {
  private:
   [[nodiscard]] LatticeBits find_windows(int axis) const;
 
-  std::array<LatticeBits, 3> open_, windows_;
+  std::array<LatticeBits, 3> lines_, windows_;
 };
 
 }  // namespace earshot

@@ -35,14 +35,8 @@ class WallParts {
 
  private:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
-  /// A bit for each part of a box.
-  struct Bits {
-    std::array<std::uint64_t, FieldBoxes::kPoints / 64> words{};
-    [[nodiscard]] bool test(int number) const { return (words[static_cast<std::size_t>(number) / 64] >> (number % 64) & 1) != 0; }
-    void set(int number) { words[static_cast<std::size_t>(number) / 64] |= std::uint64_t{1} << (number % 64); }
-  };
   struct Parts {
-    Bits touch, reach;
+    PointBits touch, reach;
     bool reaches_into_box = false;
   };
   void mark(const std::array<glm::vec3, 3>& corners, const FieldBoxes& boxes);
