@@ -2,6 +2,7 @@
 // The public scene, source and response against the engine below them: the same bits, and the same refusals.
 #include "earshot/scene.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
