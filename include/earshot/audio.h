@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Sounds: load, convolve with a response, write.
+
 #include <cstddef>
 #include <filesystem>
 #include <span>
@@ -36,6 +39,7 @@ Audio load_audio(const std::filesystem::path& path);
 
 /// A dry sound as heard through a response: [rir.num_channels, frames + rir.num_samples - 1].
 /// @param dry  one channel at the rate of the response.
+/// @param rir  any number of channels.
 /// @throws InputError if the rates differ, or `dry` has several channels.
 Audio convolve(const Audio& dry, const Rir& rir);
 

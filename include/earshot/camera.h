@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Cameras: depth, colours, categories and normals of a pose.
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -45,6 +48,7 @@ class Camera {
 
   /// @param foot         place on the floor below the camera, in the coordinates of the scene's file.
   /// @param heading_deg  counter-clockwise from -z, seen from above.
+  /// @param kinds        the pictures to render.
   /// @throws InputError if a texture of the scene cannot be read, or the pose is not finite.
   [[nodiscard]] Pictures render(const Vec3& foot, double heading_deg = 0, const PictureKinds& kinds = {}) const;
   [[nodiscard]] const CameraOptions& options() const { return options_; }

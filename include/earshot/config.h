@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Settings by key and config texts.
+
 #include <concepts>
 #include <filesystem>
 #include <initializer_list>

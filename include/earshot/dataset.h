@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Corpora on disk.  Each call writes a corpus, or completes one that was interrupted; every byte is a function of the config and the
+/// program.  docs/howto/datasets.md describes keys and files.
+///
+/// Errors: InputError for a config that cannot work, or a folder that holds another corpus; RunError for a full disk.
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -26,11 +32,6 @@ struct CorpusReport {
   std::uint64_t total = 0;          ///< items of the whole corpus
   std::size_t folders_missing = 0;  ///< of other shards; 0: the corpus is complete and its manifests are written
 };
-
-/// Corpora on disk.  Each call writes a corpus, or completes one that was interrupted; every byte is a function of the config and the
-/// program.  docs/howto/datasets.md describes keys and files.
-///
-/// Errors: InputError for a config that cannot work, or a folder that holds another corpus; RunError for a full disk.
 
 /// Room impulse responses with their labels, as `earshot dataset rir` (config: configs/datasets/rir.yaml), in sound files.
 CorpusReport write_rir_corpus(const Config& config, const CorpusOptions& options);

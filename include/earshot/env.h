@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Batches of audio-visual navigation environments.
+
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -77,6 +80,7 @@ class VectorEnv {
   /// @param config    a run config of `earshot train` (its sections env and data.SPLIT are used), or the keys of an env section and the
   ///                  episodes under `episodes`.
   /// @param num_envs  [1, 65536].
+  /// @param options   split, first env and settings.
   VectorEnv(const Config& config, int num_envs, const VectorEnvOptions& options = {});
   /// The same with these episodes, whatever the config says of episodes.
   VectorEnv(const Config& config, const EpisodeSet& episodes, int num_envs, const VectorEnvOptions& options = {});
@@ -97,7 +101,8 @@ class VectorEnv {
   /// @param actions  [n * num_agents].
   void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
   /// Waits until at least `min_ready` envs are done and hands them back, by ascending number.
-  /// @param as_sent  the first that were sent, the same in every run; else all that are done.
+  /// @param min_ready  [1, envs under way].
+  /// @param as_sent    the first that were sent, the same in every run; else all that are done.
   std::vector<std::int32_t> recv(int min_ready, bool as_sent = false);
 
   [[nodiscard]] int num_envs() const;

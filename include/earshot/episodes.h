@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Sets of navigation episodes: draw, load, save.
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

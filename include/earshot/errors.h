@@ -1,6 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Errors of the library.  Both classes derive from std::runtime_error; what() is one line that says what is wrong, where, and what to do.
+///
+/// \code
+/// try {
+///   earshot::Scene scene("room.glb");
+/// } catch (const earshot::InputError& error) {
+///   std::cerr << error.what() << '\n';  // room.glb: does not exist; check the path of the mesh
+/// }
+/// \endcode
+
 #include <stdexcept>
 #include <string_view>
 
@@ -9,15 +20,6 @@
 #error "Earshot must not be compiled with -ffast-math: results would depend on the compiler"
 #endif
 
-/// Errors of the library.  Both classes derive from std::runtime_error; what() is one line that says what is wrong, where, and what to do.
-///
-/// \code
-/// try {
-///   earshot::Scene scene("room.glb");
-/// } catch (const earshot::InputError& error) {
-///   std::cerr << error.what() << '\n';  // room.glb: no such file; name a mesh file, ...
-/// }
-/// \endcode
 namespace earshot {
 
 /// Something outside the program is wrong: a file, a key, a value, a place, a device.  Correct the input and call again.

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Room-acoustic parameters after ISO 3382-1.
+
 #include <span>
 #include <vector>
 
@@ -35,6 +38,7 @@ std::span<const MetricField> metric_fields();
 
 /// Parameters of an impulse response, measured or computed: those of channel 0, and with two channels the correlation between them.  Octave
 /// bands with zero-phase filters; a decay shorter than 16 / bandwidth is that of the filter.
+/// @param rir             one channel or more.
 /// @param direct_delay_s  time at which the direct sound arrives.
 /// @throws InputError for an empty response, a sample rate that is not positive, or a negative delay.
 Metrics measure(const Rir& rir, double direct_delay_s = 0);

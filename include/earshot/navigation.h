@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// The walkable floor of a scene: places, distances, paths.
+
 #include <memory>
 #include <optional>
 #include <vector>

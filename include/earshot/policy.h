@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Trained policies, and agents that act by them.
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -27,6 +30,7 @@ class Policy {
   [[nodiscard]] std::uint64_t hash() const;       ///< of architecture and weights
   [[nodiscard]] std::int64_t num_parameters() const;
   /// Writes a policy file, without the state of a training.
+  /// @param path     file to write.
   /// @param float16  half the bytes; each weight then differs by at most 2^-11 of itself.
   void save(const std::filesystem::path& path, bool float16 = false) const;
 
@@ -60,7 +64,9 @@ struct AgentOptions {
 /// Rows whose observation is not finite are zeroed before the policy sees them.  One thread at a time.
 class Agent {
  public:
-  /// @param envs  must outlive the agent; it may move.
+  /// @param policy   whose sensors the batch has.
+  /// @param envs     must outlive the agent; it may move.
+  /// @param options  sampling and its seed.
   /// @throws InputError if the batch lacks a sensor of the policy, or its shape differs.
   Agent(const Policy& policy, const VectorEnv& envs, const AgentOptions& options = {});
   ~Agent();

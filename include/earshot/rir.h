@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Impulse responses, and what they are made of: paths and late energy.
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>

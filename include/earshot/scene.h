@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Scenes with acoustic settings: begin here.
+
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -61,6 +64,7 @@ class Scene {
  public:
   /// @param spec  a mesh file (glb, gltf, obj, ply, stl), `shoebox:XxYxZ[@ABSORPTION]`, `house:SEED[,key=value]`, `floor:SEED`, or a scene
   ///              YAML.
+  /// @param options  acoustics, and the units of a mesh file.
   /// @throws InputError for a scene that cannot be read, an unknown preset or setting, or a value out of range.
   explicit Scene(const std::string& spec, const SceneOptions& options = {});
 
@@ -77,7 +81,8 @@ class Scene {
   [[nodiscard]] std::vector<std::string> warnings() const;
 
   /// Free places above the walkable floor.  The first n do not depend on the count.
-  /// @param count  [0, 1,000,000].
+  /// @param count    [0, 1,000,000].
+  /// @param options  height above the floor, and seed.
   /// @throws InputError if nothing is walkable, or too few places are free.
   [[nodiscard]] std::vector<Vec3> random_positions(int count, const PlaceOptions& options = {}) const;
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Sources, and the responses from them to listeners.
+
 #include <map>
 #include <memory>
 #include <span>
@@ -70,13 +73,17 @@ class Source {
   [[nodiscard]] std::vector<Rir> render_all(std::span<const Listener> listeners, const BatchOptions& options = {}) const;
 
   /// The response before any head.
+  /// @param listener  position.
   /// @param channels  those that will be rendered from it.
   [[nodiscard]] Response response(const Vec3& listener, const std::string& channels = "binaural") const;
-  /// @param options  hrtf is not used.
+  /// The responses of many listeners.
+  /// @param listeners  positions.
+  /// @param options    channels and threads; hrtf is not used.
   [[nodiscard]] std::vector<Response> responses(std::span<const Vec3> listeners, const BatchOptions& options = {}) const;
 
   /// The cheapest settings within `target` for responses at places like `listeners`.  Takes seconds.
   /// @param target     "t20=5%,drr=1dB,edc=1dB", or some of these.
+  /// @param listeners  positions at which settings are tried.
   /// @param responses  number of responses that the source is for; 0: one per listener.
   /// @throws InputError if no candidate meets the target.
   [[nodiscard]] AccuracyPlan plan_accuracy(const std::string& target, std::span<const Vec3> listeners, double responses = 0) const;

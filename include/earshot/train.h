@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Training and evaluation in this process.  Component `training`.  Run configs: docs/howto/training.md; examples lie in configs/train.
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -10,7 +13,6 @@
 
 #include "earshot/config.h"
 
-/// Training and evaluation in this process.  Component `training`.  Run configs: docs/howto/training.md; examples lie in configs/train.
 namespace earshot::api {
 
 /// Every key of a run config with its value as YAML, defaults included.
@@ -37,7 +39,8 @@ struct TrainReport {
 /// Trains with PPO until total_steps or max_minutes: the work of one worker, on the threads of the config.  Writes checkpoints and curves
 /// under `out`.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the run after the current update, with a checkpoint.  A resumed run has the bits
 /// of the unbroken one.  Several workers: the program (`earshot train --workers`, docs/howto/hosts.md).
-/// @param run  data.train.file must exist: write_episode_sets().
+/// @param run      run config; data.train.file must exist: write_episode_sets().
+/// @param options  a new or a resumed run.
 /// @throws InputError for a config or folder that cannot work, RunError if the run fails; the last good checkpoint stays.
 TrainReport train(const Config& run, const TrainOptions& options = {});
 
@@ -57,7 +60,8 @@ struct Estimate {
 };
 
 /// Runs an agent on every episode of a set, once.
-/// @param agent  checkpoint, run folder or policy file.
+/// @param agent      checkpoint, run folder or policy file.
+/// @param options    episodes, seed and result file.
 /// @param overrides  over the agent's own config.
 std::vector<Estimate> evaluate(const std::filesystem::path& agent, const EvaluateOptions& options = {}, const Settings& overrides = {});
 /// The same for a baseline: random, random_oracle_stop, greedy, classical or oracle.

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Positions, directions and boxes.
+
 #include "earshot/errors.h"
 
 namespace earshot::api {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+/// @file
+/// Version and build of the library.
+
 #include <string>
 
 #include "earshot/errors.h"
