@@ -31,7 +31,7 @@ struct SensorInfo {
   std::vector<int> shape;                   ///< of one row
   std::string units;                        ///< "m", "rad", "1"; of mixed units one for each number
   double low = 0, high = 0;                 ///< closed range of the values; infinite where there is no bound
-  bool privileged = false;                  ///< a label that no agent could sense
+  bool privileged = false;                  ///< derived from the goal or the map: no agent could sense it
   [[nodiscard]] std::size_t count() const;  ///< numbers in a row
 };
 
