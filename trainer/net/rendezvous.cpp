@@ -285,7 +285,7 @@ void validate(const RingConfig& config) {
             "must have a port: the workers connect to rank 0 there");
     validate(config.network);
     if (leaves_host(config.rendezvous) && config.network.curve_key_file.empty() && !config.network.insecure)
-      throw InputError(config.rendezvous, "can be reached from other hosts, but no encryption keys are set",
+      throw InputError(config.rendezvous, "can be reached from other hosts, but no CURVE keys are set",
                        "make keys with 'earshot keys FILE' and set network.curve_key_file=FILE on all hosts, or use --insecure-network");
   } else {
     throw InputError(fmt::format("rendezvous '{}'", config.rendezvous), "is not an address", "write tcp://HOST:PORT or ipc:///FOLDER/NAME");
