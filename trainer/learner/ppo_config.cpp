@@ -28,6 +28,7 @@ void read(ConfigReader& reader, PpoConfig& config) {
       {{"sample", PreemptWeight::sample}, {"worker", PreemptWeight::worker}, {"truncated", PreemptWeight::truncated}});
   reader.read("loss_alarm", config.loss_alarm);
   reader.read("kl_alarm", config.kl_alarm);
+  reader.read("roll_backs", config.roll_backs);
   reader.read("gamma", config.gae.gamma);
   reader.read("lambda", config.gae.lambda);
 }
@@ -47,6 +48,7 @@ void validate(const PpoConfig& config) {
           "must be in (0, 1e9]: longer gradients are scaled down to it, and Adam keeps its square in a float");
   positive("ppo.loss_alarm", config.loss_alarm, "must be positive: a larger loss is reported");
   positive("ppo.kl_alarm", config.kl_alarm, "must be positive: a larger KL divergence from the rollout policy is reported");
+  require(config.roll_backs >= 0, "ppo.roll_backs", config.roll_backs, "must not be negative: how often in a row bad weights are put back");
   not_negative("ppo.target_kl", config.target_kl, "must not be negative: epochs stop above this KL divergence; 0: no limit");
   require(config.preempt_fraction >= 0 && config.preempt_fraction < 1, "ppo.preempt_fraction", config.preempt_fraction,
           "must be in [0, 1): the fraction of slow workers that the others do not wait for; 0: wait for all");

@@ -29,6 +29,9 @@ struct PpoConfig {
   PreemptWeight preempt_weight = PreemptWeight::sample;
   /// Above these a minibatch raises an alarm: it is counted and reported, the step is taken.  (Sample Factory's limits.)
   double loss_alarm = 30, kl_alarm = 100;
+  /// How often in a row weights that have gone bad (weight_check.h) are put back to those of the last good update, and the run goes on with
+  /// the next rollout.  0: the run ends with the last good checkpoint.
+  int roll_backs = 0;
   GaeConfig gae;
 };
 void read(ConfigReader& reader, PpoConfig& config);

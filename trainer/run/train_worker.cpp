@@ -19,8 +19,6 @@
 namespace earshot {
 namespace {
 
-constexpr int kRollBacks = 0;
-
 EnvConfig training_env(const RunConfig& config) {
   EnvConfig env = config.env;
   env.order = EpisodeOrder::random;
@@ -237,7 +235,7 @@ bool TrainWorker::rolls_back() {
   std::string what = fmt::format("update {}: the weights have gone bad: {}; the likeliest reason is {}", progress_.update() + 1, *fault,
                                  suspect_key(config_));
   if (whole_) load_learner_state(policy_, learner_.optimizer(), *whole_, "the update before");
-  if (whole_ && roll_backs_ < kRollBacks) {
+  if (whole_ && roll_backs_ < config_.ppo.roll_backs) {
     ++roll_backs_;
     if (rank() == 0) log_warning(fmt::format("{}; the run goes on from those of update {}", what, whole_->update));
     return true;

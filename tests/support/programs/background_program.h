@@ -56,6 +56,16 @@ class BackgroundProgram {
   }
   [[nodiscard]] std::string text() const { return read_file(output_); }
 
+  /// Waits until it has written this; false if that takes too long.
+  [[nodiscard]] bool has_written(const std::string& part, double seconds = 60) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    while (text().find(part) == std::string::npos) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return true;
+  }
+
   /// Waits until the file is there; false if that takes too long.
   static bool wait_for(const std::filesystem::path& file, double seconds = 60) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);

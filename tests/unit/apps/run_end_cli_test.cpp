@@ -128,6 +128,15 @@ TEST_F(RunEndCli, WeightsThatGoBadEndItAtTheLastGoodOnes) {
   }
 }
 
+TEST_F(RunEndCli, BadWeightsAreRolledBackWhereTheConfigSaysSo) {
+  const auto run = start({"total_steps=100000", "ppo.learning_rate=1e9", "ppo.roll_backs=2", "--workers", "2"});
+  EXPECT_EQ(run->wait(), 1) << run->text();
+  EXPECT_THAT(run->text(),
+              AllOf(HasSubstr("update 1: the weights have gone bad"), HasSubstr("the run goes on from those of update 0"),
+                    HasSubstr("update 2: the weights have gone bad"), HasSubstr("the run goes on from those of update 1"),
+                    HasSubstr("update 3: the weights have gone bad"), HasSubstr("last.ckpt holds update 2, the last good one")));
+}
+
 TEST_F(RunEndCli, WhatIsBeyondTheMachineIsRefused) {
   const std::string train = "train " + config_;
   expect_refused(train + " rollout_steps=2000000000", AllOf(HasSubstr("rollout_steps = 2000000000"), HasSubstr("--force")));
