@@ -1,6 +1,7 @@
 // Result files and the leaderboard that is made of them.
 #include "evaluation/results/result.h"
 
+#include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard.h"
 #include "evaluation/leaderboard/leaderboard_page.h"
 #include "fuzz/fuzz_target.h"
@@ -15,6 +16,8 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::vector<EvaluationResult> table = ranked({result, other});
     static_cast<void>(leaderboard_text(table));
     static_cast<void>(leaderboard_page(table, {}));
+    static const Benchmark benchmark;
+    static_cast<void>(standing_of(result, "result.json", benchmark));
   });
   return 0;
 }
