@@ -62,7 +62,7 @@ Cost cost_of(const std::string& path) {
   return cost;
 }
 
-EvaluationResult result_of(int episodes, int steps) {
+EvaluationResult long_result(int episodes, int steps) {
   EvaluationResult result;
   result.agent = "long";
   for (int i = 0; i < episodes; ++i) {
@@ -77,9 +77,9 @@ EvaluationResult result_of(int episodes, int steps) {
 // The longest of `standard`: 500 episodes of 500 steps; four times that is read.
 TEST(ResultSize, FourTimesTheLongestOfStandardIsRead) {
   const TempFolder folder;
-  save_result(result_of(500, 500), folder / "one.json");
+  save_result(long_result(500, 500), folder / "one.json");
   EXPECT_LT(4 * std::filesystem::file_size(folder / "one.json"), kMaxResultBytes);
-  save_result(result_of(2000, 500), folder / "four.json");
+  save_result(long_result(2000, 500), folder / "four.json");
   const Cost cost = cost_of(folder / "four.json");
   EXPECT_TRUE(cost.loaded);
   EXPECT_LT(cost.mb, 300);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/base/errors.h"
+#include "tests/support/files/mutate.h"
 
 namespace earshot {
 namespace {
@@ -66,6 +67,20 @@ TEST(RunState, DamagedOnesAreRefused) {
   std::string damaged = whole;
   damaged[whole.size() / 2] = static_cast<char>(damaged[whole.size() / 2] ^ 1);
   EXPECT_THROW(decode_run_state(damaged), RunError);
+}
+
+// clang 14 cannot compile the headers of libtorch, so that no fuzz target reads these.
+TEST(RunState, RandomDamageIsRefusedOrRead) {
+  const std::string whole = encode_run_state(example());
+  int refused = 0;
+  for (std::uint32_t number = 0; number < 3000; ++number) {
+    try {
+      static_cast<void>(decode_run_state(mutated(whole, number)));
+    } catch (const RunError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 1500);  // more than half of the bytes are under the checksum of the checkpoint
 }
 
 TEST(JoinBriefing, ComesBackAndIsCompared) {
