@@ -57,6 +57,7 @@ struct Plan {
   RunConfig config;
   EvaluationConfig evaluation;
   std::vector<std::string> trained_sounds;
+  std::optional<Benchmark> benchmark = {};
 };
 
 /// Chooses the acoustics while no other process writes into the folder where they are kept.
@@ -140,7 +141,8 @@ Plan plan_of(const EvalArguments& options) {
     throw InputError(options.argmax ? "--argmax" : "--sample", "has no effect on a baseline", "leave it out");
   if (options.argmax) evaluation.actions = ActionChoice::argmax;
   if (options.sample) evaluation.actions = ActionChoice::sample;
-  const std::optional<Benchmark> benchmark = benchmark_of(options);
+  plan.benchmark = benchmark_of(options);
+  const std::optional<Benchmark>& benchmark = plan.benchmark;
   if (benchmark) {
     evaluation.episodes = benchmark->run.eval.file;
     evaluation.seed = benchmark->seed;
@@ -199,6 +201,10 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
   if (!plan.trained_sounds.empty()) note_novelty(result, plan.trained_sounds);
   result.track = options.track;
   if (!options.name.empty()) result.agent = options.name;
+  if (plan.benchmark) {  // whoever runs it has seen it run
+    result.standing = standing_of(result, options.agent, *plan.benchmark);
+    note_evidence(*result.standing, options.private_file.empty() ? Evidence::run_by_board : Evidence::private_set);
+  }
   if (!options.out.empty()) save_result(result, options.out);
   fmt::print("{}", leaderboard_text({result}));
   if (!options.json.empty()) write_file_atomically(options.json, leaderboard_json({result}));

@@ -118,8 +118,6 @@ void check_names(const std::vector<EvaluationResult>& results, const std::vector
 void note_evidence_of_all(std::vector<EvaluationResult>& results, const std::vector<std::string>& run_here,
                           const std::vector<PrivateScore>& hidden) {
   for (EvaluationResult& result : results) {
-    if (!result.partial_of.empty() && result.standing->apart.empty())
-      result.standing->apart = "it covers only the first episodes of the set";
     if (std::ranges::find(run_here, result.agent) == run_here.end()) {
       note_evidence(*result.standing, Evidence::actions);
       continue;

@@ -89,6 +89,36 @@ void refuse_other_world(const EvaluationResult& result, const std::string& where
   }
 }
 
+/// Whole or not.
+Standing standing_by_senses(const EvaluationResult& result, const std::string& where, const Benchmark& benchmark) {
+  if (!result.track.empty() && result.track != kAnything)
+    throw InputError(where, fmt::format("asks for the track '{}'", result.track), "evaluate the agent again with --benchmark");
+  if (result.senses.empty())
+    return {.track = kAnything, .rests_on = {}, .apart = "its result does not say what it sensed: an older version wrote it"};
+  const SensedConfig ours = sensed_config(benchmark.run.env);
+  refuse_other_world(result, where, benchmark, ours);
+  if (!result.baseline.empty()) {
+    const auto baseline = baseline_by_name(result.baseline);
+    if (!baseline)
+      throw InputError(where, fmt::format("names a baseline '{}' that there is not", result.baseline), "use one of: " + baseline_names());
+    if (reads_simulator(*baseline)) return {.track = kAnything, .rests_on = {}, .apart = "it reads the goal and the map of the simulator"};
+    const auto read = read_by(*baseline, benchmark.run.env.observation);
+    if (const Track* track = track_of(benchmark.tracks, read)) return {.track = track->name, .rests_on = {}, .apart = {}};
+    return {.track = kAnything, .rests_on = {}, .apart = "it " + why_no_track(benchmark.tracks, read)};
+  }
+  const EnvConfig theirs = env_of_senses(result.senses, where);
+  const std::vector<SensorSpec> read = sensor_table(theirs.observation, 1);
+  const auto changed = changed_settings(ours, result.senses, read);
+  const Track* track = track_of(benchmark.tracks, read);
+  if (track != nullptr && changed.empty() && result.track.empty()) return {.track = track->name, .rests_on = {}, .apart = {}};
+  std::string why = track == nullptr  ? why_no_track(benchmark.tracks, read)
+                    : changed.empty() ? fmt::format("asked for the track '{}'", kAnything)
+                                      : fmt::format("reads sensors with {} = {}, but {} has {}", changed[0].key, changed[0].theirs,
+                                                    named(benchmark), changed[0].ours);
+  if (result.track != kAnything) throw InputError(where, fmt::format("{}: {} refuses it", why, named(benchmark)), kOtherTrack);
+  return {.track = kAnything, .rests_on = {}, .apart = "it " + why};
+}
+
 }  // namespace
 
 EnvConfig env_for_policy(const Benchmark& benchmark, const EnvConfig& benchmark_env, const EnvConfig& policy_env, const std::string& where,
@@ -132,32 +162,9 @@ std::vector<std::string> changed_in_training(const EnvConfig& benchmark_env, con
 }
 
 Standing standing_of(const EvaluationResult& result, const std::string& where, const Benchmark& benchmark) {
-  if (!result.track.empty() && result.track != kAnything)
-    throw InputError(where, fmt::format("asks for the track '{}'", result.track), "evaluate the agent again with --benchmark");
-  if (result.senses.empty())
-    return {.track = kAnything, .rests_on = {}, .apart = "its result does not say what it sensed: an older version wrote it"};
-  const SensedConfig ours = sensed_config(benchmark.run.env);
-  refuse_other_world(result, where, benchmark, ours);
-  if (!result.baseline.empty()) {
-    const auto baseline = baseline_by_name(result.baseline);
-    if (!baseline)
-      throw InputError(where, fmt::format("names a baseline '{}' that there is not", result.baseline), "use one of: " + baseline_names());
-    if (reads_simulator(*baseline)) return {.track = kAnything, .rests_on = {}, .apart = "it reads the goal and the map of the simulator"};
-    const auto read = read_by(*baseline, benchmark.run.env.observation);
-    if (const Track* track = track_of(benchmark.tracks, read)) return {.track = track->name, .rests_on = {}, .apart = {}};
-    return {.track = kAnything, .rests_on = {}, .apart = "it " + why_no_track(benchmark.tracks, read)};
-  }
-  const EnvConfig theirs = env_of_senses(result.senses, where);
-  const std::vector<SensorSpec> read = sensor_table(theirs.observation, 1);
-  const auto changed = changed_settings(ours, result.senses, read);
-  const Track* track = track_of(benchmark.tracks, read);
-  if (track != nullptr && changed.empty() && result.track.empty()) return {.track = track->name, .rests_on = {}, .apart = {}};
-  std::string why = track == nullptr  ? why_no_track(benchmark.tracks, read)
-                    : changed.empty() ? fmt::format("asked for the track '{}'", kAnything)
-                                      : fmt::format("reads sensors with {} = {}, but {} has {}", changed[0].key, changed[0].theirs,
-                                                    named(benchmark), changed[0].ours);
-  if (result.track != kAnything) throw InputError(where, fmt::format("{}: {} refuses it", why, named(benchmark)), kOtherTrack);
-  return {.track = kAnything, .rests_on = {}, .apart = "it " + why};
+  Standing standing = standing_by_senses(result, where, benchmark);
+  if (!result.partial_of.empty() && standing.apart.empty()) standing.apart = "it covers only the first episodes of the set";
+  return standing;
 }
 
 void note_evidence(Standing& standing, Evidence evidence) {

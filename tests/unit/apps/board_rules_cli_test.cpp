@@ -52,7 +52,8 @@ TEST_F(BoardRulesCli, WhoReadsTheGoalIsRefusedOrShownApart) {
   expect_refused("eval " + cheat + board() + " --out " + path("cheat.json"), HasSubstr("reads 'pointgoal', which is privileged"));
   EXPECT_FALSE(std::filesystem::exists(path("cheat.json")));
   expect_done("eval " + cheat + board() + " --track anything --out " + path("cheat.json"));
-  expect_done("eval oracle" + board() + " --name DeepEar-XL --out " + path("oracle.json"));
+  expect_done("eval oracle" + board() + " --name DeepEar-XL --out " + path("oracle.json") + " --json " + path("own.json"));
+  EXPECT_TRUE(json_of("own.json")["agents"][0]["rank"].is_null());
   // Without the benchmark it can run as it likes, and is not taken then.
   expect_done("eval " + cheat + " --episodes " + path("eval.json.gz") + " --out " + path("free.json"));
   expect_refused("verify " + path("free.json") + board(), HasSubstr("reads 'pointgoal'"));
