@@ -1,10 +1,10 @@
 #include "datasets/rir_corpus_config.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "sim/audio/head/directivity.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -12,89 +12,90 @@ namespace {
 /// The late field carries harmonics up to here.
 constexpr int kTracedOrder = 5;
 
-void read(ConfigReader& reader, ShoeboxRooms& rooms) {
-  reader.read("count", rooms.count);
-  reader.read("min_size_m", rooms.min_size_m);
-  reader.read("max_size_m", rooms.max_size_m);
-  reader.read("absorption", rooms.absorption);
-  reader.read("walls", rooms.walls);
-  reader.read("floor", rooms.floor);
-  reader.read("ceiling", rooms.ceiling);
-}
-
-void read(ConfigReader& reader, AcousticRandomization& randomization) {
-  reader.read("candidates", randomization.candidates);
-  reader.read("noise_std", randomization.noise_std);
-  reader.read("transmission_noise_db", randomization.transmission_noise_db);
-}
-
 std::string shown(const std::vector<float>& values) {
   std::string text = "[";
   for (const float value : values) text += (text.size() > 1 ? ", " : "") + std::to_string(value);
   return text + "]";
 }
 
-/// Two numbers within [low, high], the first no larger than the second.
-void validate_range(const std::vector<float>& range, const std::string& key, float low, float high, const std::string& rule) {
-  const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
-  require(ok, key, shown(range), rule);
-}
-
 void validate(const ShoeboxRooms& rooms) {
-  require(rooms.count >= 0 && rooms.count <= 10'000'000, "shoeboxes.count", rooms.count, "must be in [0, 10000000]");
-  require(rooms.min_size_m.size() == 3 && std::ranges::all_of(rooms.min_size_m, [](float v) { return v >= 1; }), "shoeboxes.min_size_m",
-          shown(rooms.min_size_m), "must be three sizes of at least 1 m: x, y (height), z");
-  bool ordered = rooms.max_size_m.size() == 3;
-  for (std::size_t axis = 0; ordered && axis < 3; ++axis)
-    ordered = rooms.max_size_m[axis] >= rooms.min_size_m[axis] && rooms.max_size_m[axis] <= 1000;
-  require(ordered, "shoeboxes.max_size_m", shown(rooms.max_size_m), "must be three sizes between shoeboxes.min_size_m and 1000 m");
-  validate_range(rooms.absorption, "shoeboxes.absorption", 0.001f, 1.f, "must be two numbers in [0.001, 1], in increasing order");
+  bool ordered = true;
+  for (std::size_t axis = 0; axis < 3; ++axis) ordered = ordered && rooms.max_size_m[axis] >= rooms.min_size_m[axis];
+  require(ordered, "shoeboxes.max_size_m", shown(rooms.max_size_m), "must be three sizes of at least shoeboxes.min_size_m");
 }
 
-}  // namespace
+void read_shoeboxes(ConfigReader& reader, ShoeboxRooms& rooms) {
+  ConfigReader child = reader.child("shoeboxes", "Empty rooms of random size and absorption.");
+  const Allowed size = Allowed::between(1, 1000).items(3);
+  child.read("count", rooms.count, Allowed::between(0, 10'000'000), "Number of rooms.");
+  child.read("min_size_m", rooms.min_size_m, size, "Smallest size along x, y (height) and z.");
+  child.read("max_size_m", rooms.max_size_m, size, "Largest size along x, y (height) and z.");
+  child.read("absorption", rooms.absorption, Allowed::between(0.001, 1).interval(),
+             "Absorption coefficients, one for each wall; uniform in the logarithm.");
+  const Allowed material = Allowed::text("the name of a material");
+  child.read("walls", rooms.walls, material, "Materials of the walls, one drawn for each. Empty: absorption decides.");
+  child.read("floor", rooms.floor, material, "Materials of the floor. Empty: absorption decides.");
+  child.read("ceiling", rooms.ceiling, material, "Materials of the ceiling. Empty: absorption decides.");
+  child.finish();
+}
 
-void read(ConfigReader& reader, RirCorpusConfig& config) {
-  reader.read("seed", config.seed);
-  ConfigReader shoeboxes = reader.child("shoeboxes");
-  read(shoeboxes, config.shoeboxes);
-  shoeboxes.finish();
-  reader.read("scenes", config.scenes);
-  reader.read("rooms_per_scene", config.rooms_per_scene);
-  if (reader.has("randomize") && !config.randomize) config.randomize.emplace();
-  if (config.randomize) {
-    ConfigReader randomize = reader.child("randomize");
-    read(randomize, *config.randomize);
-    randomize.finish();
-  }
-  reader.read("sources_per_room", config.sources_per_room);
-  reader.read("listeners_per_source", config.listeners_per_source);
-  reader.read("shared_listeners", config.shared_listeners);
-  reader.read("source_height_m", config.source_height_m);
-  reader.read("listener_height_m", config.listener_height_m);
-  reader.read("clearance_m", config.clearance_m);
-  reader.read("min_distance_m", config.min_distance_m);
-  reader.read("max_distance_m", config.max_distance_m);
-  reader.read("source_patterns", config.source_patterns);
-  reader.read("pitch_deg", config.pitch_deg);
-  reader.read("roll_deg", config.roll_deg);
-  reader.read("channels", config.channels);
-  reader.read("hrtf", config.hrtf);
-  reader.read("hrtfs", config.hrtfs);
-  reader.read_choice<SoundFormat>("format", config.format, {{"wav", SoundFormat::wav}, {"flac", SoundFormat::flac}});
-  reader.read("sofa", config.sofa);
-  reader.read("split_ms", config.split_ms);
-  if (reader.has("panorama") && !config.panorama) config.panorama.emplace();
+void read_rooms(ConfigReader& reader, RirCorpusConfig& config) {
+  reader.read("seed", config.seed, "Seed of the corpus.");
+  read_shoeboxes(reader, config.shoeboxes);
+  reader.read("scenes", config.scenes, Allowed::text("a SCENE or a folder"),
+              "Scenes (house:0..99 stands for a hundred), or folders of meshes and scene YAMLs.");
+  reader.read("rooms_per_scene", config.rooms_per_scene, Allowed::between(1, 1'000'000),
+              "Number of times that each scene comes; with randomize each time with other materials.");
+  if (reader.asks_for("randomize") && !config.randomize) config.randomize.emplace();
+  if (!config.randomize) return;
+  ConfigReader randomize = reader.child("randomize", "Random materials in every room; {} takes the defaults.");
+  read(randomize, *config.randomize);
+  randomize.finish();
+}
+
+void read_places(ConfigReader& reader, RirCorpusConfig& config) {
+  const Allowed count = Allowed::between(1, 65000), height = Allowed::between(0.05, 100).interval();
+  reader.read("sources_per_room", config.sources_per_room, count, "Sources in each room.");
+  reader.read("listeners_per_source", config.listeners_per_source, count, "Listeners of each source.");
+  reader.read("shared_listeners", config.shared_listeners, "All sources of a room have the same listeners, which mixtures need.");
+  reader.read("source_height_m", config.source_height_m, height, "Height of sources above the floor.");
+  reader.read("listener_height_m", config.listener_height_m, height, "Height of listeners above the floor.");
+  reader.read("clearance_m", config.clearance_m, Allowed::between(0.05, 10), "Distance of places from walls, furniture and the ceiling.");
+  reader.read("min_distance_m", config.min_distance_m, Allowed::at_least(0), "Shortest distance from source to listener.");
+  reader.read("max_distance_m", config.max_distance_m, Allowed::above(0), "Longest distance from source to listener.");
+  reader.read("source_patterns", config.source_patterns, Allowed::text("a directional pattern"),
+              "Directional patterns, one drawn for each source, which faces anywhere.");
+  reader.read("pitch_deg", config.pitch_deg, Allowed::between(-90, 90).interval(), "Pitch of listeners; headings are anywhere.");
+  reader.read("roll_deg", config.roll_deg, Allowed::between(-180, 180).interval(), "Roll of listeners.");
+}
+
+void read_files(ConfigReader& reader, RirCorpusConfig& config) {
+  reader.read("channels", config.channels, Allowed::text("channels as of earshot rir"),
+              "Channels: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE.");
+  reader.read("hrtf", config.hrtf, Allowed::text("a SOFA file"),
+              "SOFA file with HRTFs for binaural channels. Empty: a rigid sphere of radius 8.75 cm.");
+  reader.read("hrtfs", config.hrtfs, Allowed::text("a SOFA file, or sphere"),
+              "SOFA files with HRTFs, one drawn for each listener; at most 1,000. Empty: hrtf for all.");
+  reader.read_choice<SoundFormat>("format", config.format, {{"wav", SoundFormat::wav}, {"flac", SoundFormat::flac}},
+                                  "Format of sound files: 32-bit WAV, or FLAC of at most 8 channels.");
+  reader.read("sofa", config.sofa, "One SOFA file (SingleRoomSRIR) per source in place of sound files.");
+  reader.read("split_ms", config.split_ms, Allowed::at_least(0),
+              "Time after the direct sound at which a response is split into an early and a late file. 0: no split.");
+  if (reader.asks_for("panorama") && !config.panorama) config.panorama.emplace();
   if (config.panorama) {
-    ConfigReader panorama = reader.child("panorama");
-    panorama.read("width_px", config.panorama->width_px);
-    panorama.read("height_px", config.panorama->height_px);
+    ConfigReader panorama = reader.child("panorama", "Panoramas of colour, depth and category from the places of the listeners.");
+    panorama.read("width_px", config.panorama->width_px, Allowed::between(8, 4096), "Width, over 360 degrees.");
+    panorama.read("height_px", config.panorama->height_px, Allowed::between(4, 2048), "Height; at most half of the width.");
     panorama.finish();
   }
-  reader.read("rooms_per_folder", config.rooms_per_folder);
+  reader.read("rooms_per_folder", config.rooms_per_folder, Allowed::between(1, 10000), "Rooms in each folder of the corpus.");
+}
 
-  ConfigReader acoustics = reader.child("acoustics");
+void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
+  ConfigReader acoustics = reader.child("acoustics", "Simulation of responses: a preset, and keys over it.");
   std::string preset;
-  acoustics.read("preset", preset);
+  acoustics.read("preset", preset, Allowed::text("fast, balanced or high"),
+                 "Preset that the other keys start from: fast (training), balanced or high (reference). Empty: fast.");
   if (!preset.empty()) {
     config.acoustics = acoustic_preset(preset);
     config.acoustics.rir_length_s = RirCorpusConfig().acoustics.rir_length_s;
@@ -102,37 +103,34 @@ void read(ConfigReader& reader, RirCorpusConfig& config) {
   // What the channels need, as `earshot rir` chooses it, unless the file says otherwise.
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   if (layout.kind == ListenerKind::ambisonics)
-    config.acoustics.sh_order = std::clamp(layout.order, config.acoustics.sh_order, kTracedOrder);
+    config.acoustics.sh_order = std::max(config.acoustics.sh_order, std::min(layout.order, kTracedOrder));
   if (layout.kind == ListenerKind::mono && !acoustics.has("sh_order")) config.acoustics.sh_order = 0;
   const AcousticConfig before = config.acoustics;
   read(acoustics, config.acoustics);
   if (config.acoustics.threads != before.threads) acoustics.fail("threads", "has no effect in this config; use the option --threads");
   if (config.acoustics.temporal_reuse != before.temporal_reuse) acoustics.fail("temporal_reuse", "has no effect on single responses");
   if (config.acoustics.glide_paths != before.glide_paths) acoustics.fail("glide_paths", "has no effect on single responses");
+  if (acoustics.is_describing()) acoustics.refuse({"threads", "temporal_reuse", "glide_paths"}, "has no effect here");
   acoustics.finish();
 }
 
+}  // namespace
+
+void read(ConfigReader& reader, RirCorpusConfig& config) {
+  read_rooms(reader, config);
+  read_places(reader, config);
+  read_files(reader, config);
+  read_acoustics(reader, config);
+}
+
 void validate(const RirCorpusConfig& config) {
+  check_values(config, "");
   validate(config.shoeboxes);
   if (config.shoeboxes.count == 0 && config.scenes.empty())
     throw InputError("shoeboxes.count, scenes", "give no room", "set shoeboxes: {count: 100}, or scenes: [house:0..9]");
-  require(config.rooms_per_scene >= 1 && config.rooms_per_scene <= 1'000'000, "rooms_per_scene", config.rooms_per_scene,
-          "must be in [1, 1000000]");
-  if (config.randomize) validate(*config.randomize, "randomize");
-  require(config.sources_per_room >= 1 && config.sources_per_room <= 65000, "sources_per_room", config.sources_per_room,
-          "must be in [1, 65000]");
-  require(config.listeners_per_source >= 1 && config.listeners_per_source <= 65000, "listeners_per_source", config.listeners_per_source,
-          "must be in [1, 65000]");
-  validate_range(config.source_height_m, "source_height_m", 0.05f, 100.f, "must be two heights in [0.05, 100] m, in increasing order");
-  validate_range(config.listener_height_m, "listener_height_m", 0.05f, 100.f, "must be two heights in [0.05, 100] m, in increasing order");
-  require(config.clearance_m >= 0.05f && config.clearance_m <= 10, "clearance_m", config.clearance_m, "must be in [0.05, 10] m");
-  require(config.min_distance_m >= 0, "min_distance_m", config.min_distance_m, "must not be negative");
-  require(config.max_distance_m > config.min_distance_m && std::isfinite(config.max_distance_m), "max_distance_m", config.max_distance_m,
-          "must be finite and above min_distance_m");
+  require(config.max_distance_m > config.min_distance_m, "max_distance_m", config.max_distance_m, "must be above min_distance_m");
   if (config.source_patterns.empty()) throw InputError("source_patterns", "is empty", "give at least one, for example omni");
   for (const std::string& pattern : config.source_patterns) (void)Directivity::named(pattern);
-  validate_range(config.pitch_deg, "pitch_deg", -90.f, 90.f, "must be two angles in [-90, 90] degrees, in increasing order");
-  validate_range(config.roll_deg, "roll_deg", -180.f, 180.f, "must be two angles in [-180, 180] degrees, in increasing order");
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   if (!config.hrtf.empty() && layout.kind != ListenerKind::binaural)
     throw InputError("hrtf", "has no effect with channels '" + config.channels + "'", "leave it out, or set channels: binaural");
@@ -151,16 +149,13 @@ void validate(const RirCorpusConfig& config) {
   validate(config.acoustics);
   require(config.acoustics.rir_length_s > 0, "acoustics.rir_length_s", "auto",
           "must be a number: all responses of a corpus have the same length");
-  require(config.split_ms >= 0 && config.split_ms < 1000 * config.acoustics.rir_length_s, "split_ms", config.split_ms,
+  require(config.split_ms < 1000 * config.acoustics.rir_length_s, "split_ms", config.split_ms,
           "must be at least 0 and below acoustics.rir_length_s");
   if (config.panorama) {
     const auto [width_px, height_px] = *config.panorama;
-    require(width_px >= 8 && width_px <= 4096 && height_px >= 4 && 2 * height_px <= width_px, "panorama",
-            std::to_string(width_px) + "x" + std::to_string(height_px),
-            "must be 8 to 4096 pixels wide and at most half as high: the width spans 360 degrees, the height at most 180");
+    require(2 * height_px <= width_px, "panorama", std::to_string(width_px) + "x" + std::to_string(height_px),
+            "must be at most half as high as wide: the width spans 360 degrees, the height at most 180");
   }
-  require(config.rooms_per_folder >= 1 && config.rooms_per_folder <= 10000, "rooms_per_folder", config.rooms_per_folder,
-          "must be in [1, 10000]");
 }
 
 RirCorpusConfig load_rir_corpus_config(const std::string& path, const std::vector<std::string>& overrides) {

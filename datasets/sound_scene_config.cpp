@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/base/text/listed.h"
 
 namespace earshot {
@@ -15,22 +16,14 @@ std::string shown(const std::vector<T>& values) {
   return fmt::format("[{}]", listed(values, ", "));
 }
 
-template <class T>
-void validate_range(const std::vector<T>& range, const std::string& key, T low, T high) {
-  const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
-  require(ok, key, shown(range), fmt::format("must be two numbers in [{}, {}], in increasing order", low, high));
-}
-
 void read_classes(ConfigReader& reader, std::vector<SoundClass>& classes) {
-  ConfigReader map = reader.child("classes");
-  const std::vector<std::string> names = map.keys();
+  ConfigReader map = reader.child("classes", "Classes of sounds by name; their order is their index.");
+  const std::vector<std::string> names = map.free_keys("NAME");
   if (!names.empty()) classes.clear();
   for (const std::string& name : names) {
     SoundClass added{name, {}};
-    if (const auto sound = map.scalar(name))
-      added.sounds = {*sound};
-    else
-      map.read(name, added.sounds);
+    map.read(name, added.sounds, Allowed::text("a file, a folder or synth:KIND").or_single(),
+             "Sounds of a class: files, folders, or synth:KIND, whose instances are drawn.");
     classes.push_back(std::move(added));
   }
   map.finish();
@@ -39,41 +32,33 @@ void read_classes(ConfigReader& reader, std::vector<SoundClass>& classes) {
 }  // namespace
 
 void read(ConfigReader& reader, SoundSceneConfig& config) {
-  for (const char* key : {"sources_per_room", "listeners_per_source", "shared_listeners", "split_ms", "sofa", "hrtfs", "panorama"})
-    if (reader.has(key)) reader.fail(key, "has no effect on recordings");
+  reader.refuse({"sources_per_room", "listeners_per_source", "shared_listeners", "split_ms", "sofa", "hrtfs", "panorama"},
+                "has no effect on recordings");
   read(reader, config.rooms);
-  reader.read("recordings_per_room", config.recordings_per_room);
-  reader.read("duration_s", config.duration_s);
+  reader.read("recordings_per_room", config.recordings_per_room, Allowed::between(1, 10000), "Recordings in each room.");
+  reader.read("duration_s", config.duration_s, Allowed::between(0.2, 600), "Duration of a recording.");
   read_classes(reader, config.classes);
-  reader.read("events", config.events);
-  reader.read("event_s", config.event_s);
-  reader.read("max_overlap", config.max_overlap);
-  reader.read("moving", config.moving);
-  reader.read("speed_m_per_s", config.speed_m_per_s);
-  reader.read("event_db", config.event_db);
-  reader.read("noise", config.noise);
-  reader.read("snr_db", config.snr_db);
-  reader.read("level_dbfs", config.level_dbfs);
+  reader.read("events", config.events, Allowed::between(1, 100).interval(),
+              "Sound events of a recording, before max_overlap leaves some out.");
+  reader.read("event_s", config.event_s, Allowed::between(0.1, 600).interval(), "Duration of an event, at most duration_s; a sound loops.");
+  reader.read("max_overlap", config.max_overlap, Allowed::between(1, 100), "Largest number of events at the same time.");
+  reader.read("moving", config.moving, Allowed::between(0, 1), "Fraction of the events whose source moves.");
+  reader.read("speed_m_per_s", config.speed_m_per_s, Allowed::between(0.01, 10).interval(), "Speed of moving sources.");
+  reader.read("event_db", config.event_db, Allowed::between(-60, 60).interval(), "Level of an event's dry sound relative to the others.");
+  reader.read("noise", config.noise, Allowed::text("synth, or a folder"), "Background noise, unrelated between channels. Empty: none.");
+  reader.read("snr_db", config.snr_db, Allowed::between(-60, 120).interval(), "Level of all events over the noise.");
+  reader.read("level_dbfs", config.level_dbfs, Allowed::between(-100, 0).interval(), "Level of a recording.");
 }
 
 void validate(const SoundSceneConfig& config) {
+  check_values(config, "");
   validate(config.rooms);
-  require(config.recordings_per_room >= 1 && config.recordings_per_room <= 10000, "recordings_per_room", config.recordings_per_room,
-          "must be in [1, 10000]");
-  require(config.duration_s >= 0.2f && config.duration_s <= 600, "duration_s", config.duration_s, "must be in [0.2, 600] s");
   if (config.classes.empty())
     throw InputError("classes", "lists no class of sounds", "write for example classes: {speech: folder/of/speech, alarm: synth:alarm}");
   require(config.classes.size() <= 1000, "classes", config.classes.size(), "must be at most 1000");
   for (const SoundClass& sounds : config.classes)
     if (sounds.sounds.empty()) throw InputError("classes." + sounds.name, "lists no sound", "give a file, a folder or synth:KIND");
-  validate_range(config.events, "events", 1, 100);
-  validate_range(config.event_s, "event_s", 0.1f, config.duration_s);
-  require(config.max_overlap >= 1 && config.max_overlap <= 100, "max_overlap", config.max_overlap, "must be in [1, 100]");
-  require(config.moving >= 0 && config.moving <= 1, "moving", config.moving, "must be in [0, 1]: a fraction of the events");
-  validate_range(config.speed_m_per_s, "speed_m_per_s", 0.01f, 10.f);
-  validate_range(config.event_db, "event_db", -60.f, 60.f);
-  validate_range(config.snr_db, "snr_db", -60.f, 120.f);
-  validate_range(config.level_dbfs, "level_dbfs", -100.f, 0.f);
+  require(config.event_s[1] <= config.duration_s, "event_s", shown(config.event_s), "must not exceed duration_s");
 }
 
 SoundSceneConfig load_sound_scene_config(const std::string& path, const std::vector<std::string>& overrides) {

@@ -5,29 +5,31 @@
 
 namespace {
 
+constexpr earshot::About kAbout("Any key of the text.");
+
 void read_all(earshot::ConfigReader reader, int depth) {
-  const std::vector<std::string> keys = reader.keys();
+  const std::vector<std::string> keys = reader.free_keys("KEY");
   for (const std::string& key : keys) {
-    if (depth < 8) earshot::fuzz::expect_value_or_refusal([&] { read_all(reader.child(key), depth + 1); });
+    if (depth < 8) earshot::fuzz::expect_value_or_refusal([&] { read_all(reader.child(key, kAbout), depth + 1); });
     earshot::fuzz::expect_value_or_refusal([&] {
       int number = 0;
-      reader.read(key, number);
+      reader.read(key, number, kAbout);
     });
     earshot::fuzz::expect_value_or_refusal([&] {
       float number = 0;
-      reader.read(key, number);
+      reader.read(key, number, kAbout);
     });
     earshot::fuzz::expect_value_or_refusal([&] {
       bool flag = false;
-      reader.read(key, flag);
+      reader.read(key, flag, kAbout);
     });
     earshot::fuzz::expect_value_or_refusal([&] {
       std::vector<std::string> list;
-      reader.read(key, list);
+      reader.read(key, list, kAbout);
     });
     earshot::fuzz::expect_value_or_refusal([&] {
       int choice = 0;
-      reader.read_choice<int>(key, choice, {{"auto", 1}, {"on", 2}});
+      reader.read_choice<int>(key, choice, {{"auto", 1}, {"on", 2}}, kAbout);
     });
   }
   reader.finish();

@@ -6,6 +6,7 @@
 #include "envs/batch/batched_env.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

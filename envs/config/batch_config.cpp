@@ -12,9 +12,14 @@
 namespace earshot {
 namespace {
 
+constexpr About kDataAbout("Episodes of the run.");
+constexpr About kTrainAbout("Episodes for training.");
+constexpr About kEvalAbout("Episodes for evaluation, which training does not see.");
+constexpr About kEpisodesAbout("Episodes of the environments: scenes and sounds, or a file.");
+
 template <class Config>
-void read_section(ConfigReader& parent, const char* key, Config& config) {
-  ConfigReader section = parent.child(key);
+void read_section(ConfigReader& parent, const char* key, Config& config, About about) {
+  ConfigReader section = parent.child(key, about);
   read(section, config);
   section.finish();
 }
@@ -30,13 +35,25 @@ void read_episodes(ConfigReader& reader, DataConfig& data) {
 
 }  // namespace
 
-void read_env_section(ConfigReader& run, EnvConfig& env) { read_section(run, "env", env); }
+void read_env_section(ConfigReader& run, EnvConfig& env) {
+  read_section(run, "env", env, "Environments: task, sensors, acoustics and where files are.");
+}
 
 void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval) {
-  ConfigReader data = run.child("data");
-  read_section(data, "train", train);
-  read_section(data, "eval", eval);
+  ConfigReader data = run.child("data", kDataAbout);
+  read_section(data, "train", train, kTrainAbout);
+  read_section(data, "eval", eval, kEvalAbout);
   data.finish();
+}
+
+std::vector<ConfigKey> env_config_keys() {
+  ConfigReader describer = ConfigReader::describer();
+  EnvConfig env;
+  DataConfig episodes;
+  read(describer, env);
+  ConfigReader section = describer.child("episodes", kEpisodesAbout);
+  read(section, episodes);
+  return describer.described();
 }
 
 DataConfig training_data() {
@@ -55,17 +72,17 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
   DataConfig keys;
   if (in_run) {
     if (split == "train") keys = training_data();
-    reader.read("seed", parts.config.seed);
+    reader.read("seed", parts.config.seed, "Seed of the run.");
     read_env_section(reader, parts.config);
     if (!episodes) {
-      ConfigReader data = reader.child("data");
+      ConfigReader data = reader.child("data", kDataAbout);
       if (!data.has(split)) data.fail(split, "is missing; it describes the episodes");
-      ConfigReader section = data.child(split);
+      ConfigReader section = data.child(split, split == "train" ? kTrainAbout : kEvalAbout);
       read_episodes(section, keys);
     }
   } else {
     if (!episodes && !reader.has("episodes")) reader.fail("episodes", "is missing; give `scenes` and `sounds`, or a `file` of episodes");
-    ConfigReader section = reader.child("episodes");
+    ConfigReader section = reader.child("episodes", kEpisodesAbout);
     if (!episodes) read_episodes(section, keys);
     read(reader, parts.config);
     reader.finish();

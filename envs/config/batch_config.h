@@ -7,6 +7,7 @@
 #include "envs/config/data_config.h"
 #include "envs/config/env_config.h"
 #include "envs/episodes/episode_set.h"
+#include "sim/base/text/config_key.h"
 
 namespace earshot {
 
@@ -17,6 +18,9 @@ void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval);
 /// Defaults of data.train.  Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves
 /// thousands of responses.  Evaluation asks about goals that were not seen, a new one in every episode.
 DataConfig training_data();
+
+/// All keys of a config of environments alone: those of an env section at the top, and `episodes`.
+std::vector<ConfigKey> env_config_keys();
 
 /// Environments and the episodes that they draw from: what BatchedEnv takes.
 struct BatchParts {

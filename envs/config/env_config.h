@@ -65,7 +65,7 @@ struct EnvConfig {
 /// Reads the sections task, acoustics, observation and navmesh and the keys above; a missing key keeps its value.  The analysed window
 /// (observation.sound) follows acoustics.sample_rate_hz.  Throws InputError: wrong type, unknown key of a section, unknown preset.
 void read(ConfigReader& reader, EnvConfig& config);
-/// Throws InputError "key = value: rule".
+/// Throws InputError naming key, value and rule.
 void validate(const EnvConfig& config);
 /// Every key with its value, as YAML that read() takes: the same environments.
 std::string config_text(const EnvConfig& config);

@@ -10,6 +10,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -23,18 +24,16 @@ struct AgentDraw {
 }  // namespace
 
 void read(ConfigReader& reader, AgentScenario& scenario) {
-  reader.read("count", scenario.count);
-  reader.read("apart_m", scenario.apart_m);
-  reader.read("sounds", scenario.sounds);
-  reader.read("level_db", scenario.level_db);
+  reader.read("count", scenario.count, Allowed::between(1, static_cast<double>(kMaxAgents)), "Agents of an episode.");
+  reader.read("apart_m", scenario.apart_m, Allowed::between(0, 100), "Least straight distance between any two starts.");
+  reader.read("sounds", scenario.sounds, Allowed::text("a sound"), "Sounds of the agents, drawn for each. Empty: agents are silent.");
+  reader.read("level_db", scenario.level_db, Allowed::between(-60, 60), "Level of the agents' sounds.");
 }
 
 void validate(const AgentScenario& scenario) {
-  require(scenario.count >= 1 && scenario.count <= static_cast<int>(kMaxAgents), "agents.count", scenario.count, "must be in [1, 16]");
-  require(scenario.apart_m >= 0 && scenario.apart_m <= 100, "agents.apart_m", scenario.apart_m, "must be in [0, 100] metres");
+  check_values(scenario, "agents");
   require(scenario.count > 1 || scenario.sounds.empty(), "agents.sounds", scenario.sounds.size(),
           "has no effect with one agent: agents do not hear themselves");
-  require(std::abs(scenario.level_db) <= 60, "agents.level_db", scenario.level_db, "must be in [-60, 60]");
   require(!scenario.sounds.empty() || scenario.level_db == 0, "agents.level_db", scenario.level_db, "has no effect without agents.sounds");
 }
 

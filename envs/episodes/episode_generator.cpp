@@ -13,6 +13,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -82,18 +83,16 @@ bool stands_free(const Scene& scene, glm::vec3 foot, float top_m) {
 }
 
 void read(ConfigReader& reader, EpisodeFilter& filter) {
-  reader.read("min_geodesic_m", filter.min_geodesic_m);
-  reader.read("max_geodesic_m", filter.max_geodesic_m);
-  reader.read("min_ratio", filter.min_ratio);
-  reader.read("max_tries", filter.max_tries);
+  reader.read("min_geodesic_m", filter.min_geodesic_m, Allowed::above(0), "Shortest geodesic distance from start to goal.");
+  reader.read("max_geodesic_m", filter.max_geodesic_m, Allowed::above(0), "Longest geodesic distance; at least min_geodesic_m.");
+  reader.read("min_ratio", filter.min_ratio, Allowed::between(0, 100), "Least ratio of the geodesic to the straight distance.");
+  reader.read("max_tries", filter.max_tries, Allowed::at_least(1), "Attempts per episode before the filter counts as too strict.");
 }
 
 void validate(const EpisodeFilter& filter) {
-  require(filter.min_geodesic_m > 0 && std::isfinite(filter.min_geodesic_m), "min_geodesic_m", filter.min_geodesic_m, "must be positive");
-  require(filter.max_geodesic_m >= filter.min_geodesic_m && std::isfinite(filter.max_geodesic_m), "max_geodesic_m", filter.max_geodesic_m,
+  check_values(filter, "filter");
+  require(filter.max_geodesic_m >= filter.min_geodesic_m, "max_geodesic_m", filter.max_geodesic_m,
           "must be finite and at least min_geodesic_m");
-  require(filter.min_ratio >= 0 && filter.min_ratio <= 100, "min_ratio", filter.min_ratio, "must be in [0, 100]");
-  require(filter.max_tries >= 1, "max_tries", filter.max_tries, "must be at least 1");
 }
 
 std::vector<Episode> generate_episodes(const std::string& scene_id, const Scene& scene, const Navmesh& navmesh,

@@ -9,6 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -25,33 +26,27 @@ struct SoundDraw {
 bool SoundScenario::changes_episodes() const { return has_sources() || noise_snr_db < kNoNoiseDb; }
 
 void read(ConfigReader& reader, SoundScenario& scenario) {
-  reader.read("onset_low_s", scenario.onset_low_s);
-  reader.read("onset_high_s", scenario.onset_high_s);
-  reader.read("duration_mean_s", scenario.duration_mean_s);
-  reader.read("duration_std_s", scenario.duration_std_s);
-  reader.read("distractors", scenario.distractors);
-  reader.read("distractor_level_db", scenario.distractor_level_db);
-  reader.read("noise_snr_db", scenario.noise_snr_db);
+  constexpr float none_db = SoundScenario::kNoNoiseDb;
+  reader.read("onset_low_s", scenario.onset_low_s, Allowed::at_least(0), "Earliest onset of the goal's sound; at most onset_high_s.");
+  reader.read("onset_high_s", scenario.onset_high_s, Allowed::between(0, 1e5), "Latest onset of the goal's sound, which is uniform.");
+  reader.read("duration_mean_s", scenario.duration_mean_s, Allowed::any().up_to(1e5),
+              "Mean duration of the goal's sound, which is normal and at least 1 s. Negative: to the end of the episode.");
+  reader.read("duration_std_s", scenario.duration_std_s, Allowed::between(0, 1e5), "Standard deviation of the duration.");
+  reader.read("distractors", scenario.distractors, Allowed::between(0, static_cast<double>(kMaxSources) - 1),
+              "Other sounds at other places of the scene, which play throughout.");
+  reader.read("distractor_level_db", scenario.distractor_level_db, Allowed::between(-60, 60),
+              "Level of distractors over the level of their clips.");
+  reader.read("noise_snr_db", scenario.noise_snr_db, Allowed::between(-none_db, none_db),
+              "Level of the goal's sound at 1 m over white noise at both ears. 200: no noise.");
 }
 
 void validate(const SoundScenario& scenario) {
-  require(scenario.onset_low_s >= 0 && scenario.onset_low_s <= scenario.onset_high_s, "scenario.onset_low_s", scenario.onset_low_s,
-          "must be in [0, onset_high_s]");
-  require(scenario.onset_high_s <= 1e5f, "scenario.onset_high_s", scenario.onset_high_s, "must be at most 1e5 seconds");
-  require(scenario.duration_mean_s <= 1e5f, "scenario.duration_mean_s", scenario.duration_mean_s,
-          "must be at most 1e5 seconds; negative: the sound does not end");
-  require(scenario.duration_std_s >= 0 && scenario.duration_std_s <= 1e5f, "scenario.duration_std_s", scenario.duration_std_s,
-          "must be in [0, 1e5] seconds");
+  check_values(scenario, "scenario");
+  require(scenario.onset_low_s <= scenario.onset_high_s, "scenario.onset_low_s", scenario.onset_low_s, "must be in [0, onset_high_s]");
   require(scenario.duration_mean_s >= 0 || scenario.duration_std_s == 0, "scenario.duration_std_s", scenario.duration_std_s,
           "has no effect without duration_mean_s");
-  require(scenario.distractors >= 0 && scenario.distractors < static_cast<int>(kMaxSources), "scenario.distractors", scenario.distractors,
-          "must be in [0, 63]");
-  require(std::abs(scenario.distractor_level_db) <= 60, "scenario.distractor_level_db", scenario.distractor_level_db,
-          "must be in [-60, 60]");
   require(scenario.distractors > 0 || scenario.distractor_level_db == 0, "scenario.distractor_level_db", scenario.distractor_level_db,
           "has no effect without distractors");
-  require(std::abs(scenario.noise_snr_db) <= SoundScenario::kNoNoiseDb, "scenario.noise_snr_db", scenario.noise_snr_db,
-          "must be in [-200, 200]; 200: no noise");
 }
 
 void apply_scenario(const SoundScenario& scenario, std::span<const std::string> sounds, std::span<const glm::dvec3> places,

@@ -5,28 +5,45 @@
 
 #include "envs/sensors/sensor.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
 
 void read(ConfigReader& reader, ExtraCamera& camera) {
-  reader.read("depth", camera.depth);
-  reader.read("rgb", camera.rgb);
-  reader.read("semantic", camera.semantic);
-  reader.read("normals", camera.normals);
-  CameraSensorConfig& config = camera.config;
-  reader.read("width_px", config.width_px);
-  reader.read("height_px", config.height_px);
-  reader.read_choice<Projection>("projection", config.projection,
-                                 {{"pinhole", Projection::pinhole}, {"equirectangular", Projection::equirectangular}});
-  reader.read("horizontal_fov_deg", config.horizontal_fov_deg);
-  reader.read("right_m", config.right_m);
-  reader.read("up_m", config.up_m);
-  reader.read("forward_m", config.forward_m);
-  reader.read("yaw_deg", config.yaw_deg);
-  reader.read("pitch_deg", config.pitch_deg);
-  reader.read("max_depth_m", config.max_depth_m);
-  reader.read("unlit", config.unlit);
+  reader.read("depth", camera.depth, "Depth picture, [H, W, 1] floats of max_depth_m.");
+  reader.read("rgb", camera.rgb, "Colour picture, [H, W, 3] bytes.");
+  reader.read("semantic", camera.semantic, "Picture of the semantic category numbers, [H, W, 1].");
+  reader.read("normals", camera.normals, "Picture of the surface normals, [H, W, 3] floats.");
+  read(reader, camera.config);
+}
+
+void read_cameras(ConfigReader& reader, ObservationSpec& spec) {
+  ConfigReader camera = reader.child("camera", "Main camera of the agent: level, ahead, a pinhole.");
+  read(camera, spec.camera);
+  camera.finish();
+  ConfigReader cameras = reader.child("cameras", "Further cameras by name; their sensors are NAME_depth, NAME_rgb and so on.");
+  for (const std::string& name : cameras.free_keys("NAME")) {
+    const auto known = std::find_if(spec.cameras.begin(), spec.cameras.end(), [&](const auto& other) { return other.name == name; });
+    if (known == spec.cameras.end()) spec.cameras.push_back({.name = name});
+  }
+  for (ExtraCamera& further : spec.cameras) {
+    ConfigReader keys = cameras.child(further.name, "A further camera, with at least one of depth, rgb, semantic and normals.");
+    read(keys, further);
+    keys.finish();
+  }
+  cameras.finish();
+}
+
+void read_noise(ConfigReader& reader, ObservationSpec& spec) {
+  reader.read("depth_noise", spec.depth_noise, "Depth of all cameras has the noise of a structured-light camera, set by noise.");
+  ConfigReader noise = reader.child("noise", "Noise of depth and of pose sensors.");
+  read(noise, spec.noise);
+  noise.read("position_m", spec.pose_noise.position_m, Allowed::between(0, 10),
+             "Standard deviation of the position in gps_compass and pose, along each axis.");
+  noise.read("heading_deg", spec.pose_noise.heading_deg, Allowed::between(0, 180),
+             "Standard deviation of the heading in gps_compass and pose.");
+  noise.finish();
 }
 
 }  // namespace
@@ -42,58 +59,36 @@ std::vector<ExtraCamera> ObservationSpec::all_cameras() const {
 }
 
 void read(ConfigReader& reader, ObservationSpec& spec) {
-  reader.read("depth", spec.depth);
-  reader.read("rgb", spec.rgb);
-  reader.read("semantic", spec.semantic);
-  reader.read("normals", spec.normals);
-  reader.read("unlit", spec.unlit);
-  reader.read_choice<Renderer>("renderer", spec.renderer,
-                               {{"embree", Renderer::embree}, {"egl", Renderer::egl}, {"auto", Renderer::automatic}});
-  reader.read("egl_device", spec.egl_device);
-  reader.read("spectrogram", spec.spectrogram);
-  reader.read("interaural", spec.interaural);
-  reader.read("waveform", spec.waveform);
-  reader.read("heard", spec.heard);
-  reader.read("pointgoal", spec.pointgoal);
-  reader.read("gps_compass", spec.gps_compass);
-  reader.read("pose", spec.pose);
-  reader.read("collision", spec.collision);
-  reader.read("previous_action", spec.previous_action);
-  reader.read("topdown_map", spec.topdown_map);
-  reader.read("oracle_action", spec.oracle_action);
-  reader.read("goal_state", spec.goal_state);
-  reader.read("legacy_spectrogram", spec.legacy_spectrogram);
-  ConfigReader camera = reader.child("camera");
-  camera.read("width_px", spec.camera.width_px);
-  camera.read("height_px", spec.camera.height_px);
-  camera.read("horizontal_fov_deg", spec.camera.horizontal_fov_deg);
-  camera.read("height_m", spec.camera.height_m);
-  camera.read("max_depth_m", spec.camera.max_depth_m);
-  camera.finish();
-  ConfigReader cameras = reader.child("cameras");
-  for (const std::string& name : cameras.keys()) {
-    const auto known = std::find_if(spec.cameras.begin(), spec.cameras.end(), [&](const auto& other) { return other.name == name; });
-    if (known == spec.cameras.end()) spec.cameras.push_back({.name = name});
-  }
-  for (ExtraCamera& further : spec.cameras) {
-    ConfigReader keys = cameras.child(further.name);
-    read(keys, further);
-    keys.finish();
-  }
-  cameras.finish();
-  reader.read("depth_noise", spec.depth_noise);
-  ConfigReader noise = reader.child("noise");
-  noise.read("disparity_px", spec.noise.disparity_px);
-  noise.read("jitter_px", spec.noise.jitter_px);
-  noise.read("quantum_px", spec.noise.quantum_px);
-  noise.read("position_m", spec.pose_noise.position_m);
-  noise.read("heading_deg", spec.pose_noise.heading_deg);
-  noise.finish();
-  ConfigReader map = reader.child("map");
-  map.read("size_px", spec.map.size_px);
-  map.read("metres_per_px", spec.map.metres_per_px);
-  map.read_choice<MapFrame>("frame", spec.map.frame, {{"egocentric", MapFrame::egocentric}, {"allocentric", MapFrame::allocentric}});
-  map.read("goal", spec.map.goal);
+  reader.read("depth", spec.depth, "Depth picture of the main camera.");
+  reader.read("rgb", spec.rgb, "Colour picture of the main camera.");
+  reader.read("semantic", spec.semantic, "Picture of semantic category numbers of the main camera.");
+  reader.read("normals", spec.normals, "Picture of surface normals of the main camera.");
+  reader.read("unlit", spec.unlit, "Colours of the main camera without light.");
+  reader.read_choice<Renderer>(
+      "renderer", spec.renderer, {{"embree", Renderer::embree}, {"egl", Renderer::egl}, {"auto", Renderer::automatic}},
+      "Renderer of pinhole cameras. embree: rays on the CPU, the same bits on every machine. egl: OpenGL. auto: egl "
+      "where its device is hardware.");
+  reader.read("egl_device", spec.egl_device, Allowed::text("auto, software, a number, a UUID or cuda:N"),
+              "Device of the renderer egl. auto: the first hardware.");
+  reader.read("spectrogram", spec.spectrogram, "Log-magnitude spectrogram of the last second at both ears.");
+  reader.read("interaural", spec.interaural, "Level, interaural level difference and interaural phase difference of the last second.");
+  reader.read("waveform", spec.waveform, "Binaural sound of the step.");
+  reader.read("heard", spec.heard, "Binaural sound of the last second.");
+  reader.read("pointgoal", spec.pointgoal, "Distance and bearing of the goal.");
+  reader.read("gps_compass", spec.gps_compass, "Metres ahead of and right of the start, and radians turned since.");
+  reader.read("pose", spec.pose, "Values of gps_compass, and seconds since the start.");
+  reader.read("collision", spec.collision, "Whether the last step met an obstacle.");
+  reader.read("previous_action", spec.previous_action, "Last action; -1 before the first.");
+  reader.read("topdown_map", spec.topdown_map, "Map of the walkable surface, the path and the agent, set by map.");
+  reader.read("oracle_action", spec.oracle_action, "Action of the oracle; privileged, for learners.");
+  reader.read("goal_state", spec.goal_state,
+              "Distances to the goal and bearings of the goal and the next corner; privileged, for learners.");
+  reader.read("legacy_spectrogram", spec.legacy_spectrogram,
+              "Spectrogram of the new samples alone, zero-padded to a second, as in SoundSpaces 2.0.");
+  read_cameras(reader, spec);
+  read_noise(reader, spec);
+  ConfigReader map = reader.child("map", "Picture of topdown_map.");
+  read(map, spec.map);
   map.finish();
 }
 
@@ -101,9 +96,7 @@ void validate(const ObservationSpec& spec) {
   require(!sensor_table(spec, 1).empty(), "observation", "(empty)", "must have at least one sensor: the policy needs an input");
   require(spec.spectrogram || !spec.legacy_spectrogram, "observation.legacy_spectrogram", true,
           "has no effect without observation.spectrogram");
-  validate(spec.camera);
-  validate(spec.noise);
-  validate(spec.map);
+  check_values(spec, "observation");
   const TopdownMapConfig untouched;
   const auto require_map = [&](bool as_it_was, const char* key, const auto& value) {
     require(spec.topdown_map || as_it_was, key, value, "has no effect without observation.topdown_map");
@@ -113,10 +106,6 @@ void validate(const ObservationSpec& spec) {
   require_map(spec.map.frame == untouched.frame, "observation.map.frame", "allocentric");
   require_map(spec.map.goal == untouched.goal, "observation.map.goal", true);
   const PoseNoiseConfig& pose_noise = spec.pose_noise;
-  require(pose_noise.position_m >= 0.f && pose_noise.position_m <= 10.f, "observation.noise.position_m", pose_noise.position_m,
-          "must be in [0, 10] metres");
-  require(pose_noise.heading_deg >= 0.f && pose_noise.heading_deg <= 180.f, "observation.noise.heading_deg", pose_noise.heading_deg,
-          "must be in [0, 180] degrees");
   require(spec.gps_compass || spec.pose || !pose_noise.any(), "observation.noise.position_m", pose_noise.position_m,
           "has no effect without gps_compass or pose; the same holds for heading_deg");
   std::set<std::string> names;

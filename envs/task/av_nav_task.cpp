@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -16,43 +17,35 @@ constexpr float kGridToleranceM = 0.02f;
 }  // namespace
 
 void read(ConfigReader& reader, TaskConfig& config) {
-  reader.read_choice<Motion>("motion", config.motion, {{"continuous", Motion::continuous}, {"grid", Motion::grid}});
-  reader.read("step_time_s", config.step_time_s);
-  reader.read("forward_m", config.forward_m);
-  reader.read("turn_deg", config.turn_deg);
-  reader.read("success_radius_m", config.success_radius_m);
-  reader.read("max_steps", config.max_steps);
-  reader.read("step_reward", config.step_reward);
-  reader.read("distance_reward", config.distance_reward);
-  reader.read("success_reward", config.success_reward);
-  reader.read("ear_height_m", config.ear_height_m);
-  reader.read("source_height_m", config.source_height_m);
-  ConfigReader noise = reader.child("actuation_noise");
-  noise.read("forward_m", config.actuation_noise.forward_m);
-  noise.read("turn_deg", config.actuation_noise.turn_deg);
-  noise.read("veer_deg", config.actuation_noise.veer_deg);
+  reader.read_choice<Motion>("motion", config.motion, {{"continuous", Motion::continuous}, {"grid", Motion::grid}},
+                             "Motion of the agent. continuous: it slides along obstacles. grid: it makes the whole step or none.");
+  reader.read("step_time_s", config.step_time_s, Allowed::between(0.001, 10),
+              "Duration of a step, of every action; a whole number of samples of sound.");
+  reader.read("forward_m", config.forward_m, Allowed::between(0.01, 10), "Distance of the action forward.");
+  reader.read("turn_deg", config.turn_deg, Allowed::between(0.1, 180), "Angle of the actions left and right; it divides 360.");
+  reader.read("success_radius_m", config.success_radius_m, Allowed::between(0.01, 100),
+              "Geodesic distance to the goal within which a stop is a success.");
+  reader.read("max_steps", config.max_steps, Allowed::between(1, 1'000'000), "Steps after which an episode is truncated.");
+  reader.read("step_reward", config.step_reward, "Reward of every step.");
+  reader.read("distance_reward", config.distance_reward, "Reward per metre by which a step shortens the geodesic distance to the goal.");
+  reader.read("success_reward", config.success_reward, "Reward of a stop within success_radius_m of the goal.");
+  reader.read("ear_height_m", config.ear_height_m, Allowed::between(0.05, 10), "Height of the ears above the floor.");
+  reader.read("source_height_m", config.source_height_m, Allowed::between(0.05, 10), "Height of sources above the floor.");
+  ConfigReader noise = reader.child("actuation_noise", "Gaussian errors of every step, as standard deviations; 0: none.");
+  noise.read("forward_m", config.actuation_noise.forward_m, Allowed::at_least(0),
+             "Error of the distance of forward; at most a third of it.");
+  noise.read("turn_deg", config.actuation_noise.turn_deg, Allowed::between(0, 45), "Error of the angle of left and right.");
+  noise.read("veer_deg", config.actuation_noise.veer_deg, Allowed::between(0, 45), "Angle by which forward changes the heading.");
   noise.finish();
 }
 
 void validate(const TaskConfig& config) {
-  const auto within = [](float value, float low, float high) { return value >= low && value <= high; };  // false for NaN
-  require(within(config.step_time_s, 0.001f, 10.f), "task.step_time_s", config.step_time_s, "must be in [0.001, 10] seconds");
-  require(within(config.forward_m, 0.01f, 10.f), "task.forward_m", config.forward_m, "must be in [0.01, 10] metres");
-  require(within(config.turn_deg, 0.1f, 180.f), "task.turn_deg", config.turn_deg, "must be in [0.1, 180] degrees");
+  check_values(config, "task");
   require(std::abs(360.f / config.turn_deg - std::round(360.f / config.turn_deg)) < 1e-3f, "task.turn_deg", config.turn_deg,
           "must divide 360, so that a full circle of turns leads back to the same heading");
-  require(within(config.success_radius_m, 0.01f, 100.f), "task.success_radius_m", config.success_radius_m, "must be in [0.01, 100] metres");
-  require(config.max_steps >= 1 && config.max_steps <= 1'000'000, "task.max_steps", config.max_steps, "must be in [1, 1000000]");
-  require(std::isfinite(config.step_reward), "task.step_reward", config.step_reward, "must be finite");
-  require(std::isfinite(config.distance_reward), "task.distance_reward", config.distance_reward, "must be finite");
-  require(std::isfinite(config.success_reward), "task.success_reward", config.success_reward, "must be finite");
-  require(within(config.ear_height_m, 0.05f, 10.f), "task.ear_height_m", config.ear_height_m, "must be in [0.05, 10] metres");
-  require(within(config.source_height_m, 0.05f, 10.f), "task.source_height_m", config.source_height_m, "must be in [0.05, 10] metres");
   const ActuationNoise& noise = config.actuation_noise;
-  require(within(noise.forward_m, 0.f, config.forward_m / 3), "task.actuation_noise.forward_m", noise.forward_m,
+  require(noise.forward_m <= config.forward_m / 3, "task.actuation_noise.forward_m", noise.forward_m,
           "must be in [0, forward_m / 3], so that a forward step never moves backwards");
-  require(within(noise.turn_deg, 0.f, 45.f), "task.actuation_noise.turn_deg", noise.turn_deg, "must be in [0, 45] degrees");
-  require(within(noise.veer_deg, 0.f, 45.f), "task.actuation_noise.veer_deg", noise.veer_deg, "must be in [0, 45] degrees");
   require(config.motion == Motion::continuous || !noise.any(), "task.actuation_noise", "on",
           "has no effect with task.motion: grid, whose steps are exact");
 }

@@ -14,6 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/regular_file.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/base/text/listed.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/episode_data.h"
@@ -21,6 +22,7 @@
 namespace earshot {
 namespace {
 
+constexpr About kBenchmarkAbout("Facts that fix the benchmark; the other sections are those of a run config.");
 constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 
 /// The sounds of the test set that must be new: those of heard_sounds are taken out, once they are known to be of both.
@@ -99,35 +101,46 @@ void check_hashes(const Benchmark& benchmark, const std::string& where) {
 
 }  // namespace
 
+void read(ConfigReader& file, Benchmark& benchmark) {
+  ConfigReader section = file.child("benchmark", kBenchmarkAbout);
+  const Allowed hash = Allowed::text("16 hexadecimal digits"), sha256 = Allowed::text("64 hexadecimal digits");
+  section.read_required("name", benchmark.name, Allowed::any(), "Name of the benchmark.");
+  section.read_required("version", benchmark.version, Allowed::any(), "Version; another one whenever set or rules change.");
+  section.read_required("set_hash", benchmark.set_hash, hash, "Hash of the episodes of data.eval.");
+  section.read_required("rules_hash", benchmark.rules_hash, hash, "Hash of the rules that metrics depend on: task and navmesh.");
+  section.read("senses_hash", benchmark.senses_hash, hash, "Hash of the sensors, the acoustics and the tracks.");
+  section.read("seed", benchmark.seed, "Seed of sampled actions.");
+  section.read("content_sha256", benchmark.content_sha256, sha256, "SHA-256 of the files of scenes and sounds. Empty: the set names none.");
+  section.read("heard_sounds", benchmark.heard_sounds, Allowed::text("a sound"), "Sounds of the test set that training may have too.");
+  section.read("held_out_kinds", benchmark.held_out_kinds, Allowed::text("a kind of sound"),
+               "Kinds of sound of the test set that training has none of.");
+  ConfigReader hidden = section.child("private", "A second test set that is not published.");
+  hidden.read("sha256", benchmark.private_sha256, sha256, "SHA-256 of the file of the private set. Empty: there is none.");
+  hidden.finish();
+  const bool is_hash =
+      benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!benchmark.private_sha256.empty() && !is_hash)
+    throw InputError(file.where(), "has a benchmark.private.sha256 that is not 64 hexadecimal digits",
+                     "write the output of sha256sum, in quotes");
+  if (section.is_describing())
+    static_cast<void>(read_tracks(section, {}));
+  else
+    static_cast<void>(section.child("tracks", kTracksAbout));  // read once the sensors are known
+  section.finish();
+}
+
 Benchmark load_benchmark(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   const std::string where = path.string();
   Benchmark benchmark;
   ConfigReader file = ConfigReader::from_text(read_regular_file(path, kMaxBytes), where);
   if (file.text().size() > kMaxBytes) throw InputError(where, "is too long for a benchmark file", "use a file of configs/benchmarks");
   if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "use a file of configs/benchmarks");
-  ConfigReader section = file.child("benchmark");
-  section.read_required("name", benchmark.name);
-  section.read_required("version", benchmark.version);
-  section.read_required("set_hash", benchmark.set_hash);
-  section.read_required("rules_hash", benchmark.rules_hash);
-  section.read("senses_hash", benchmark.senses_hash);
-  section.read("seed", benchmark.seed);
-  section.read("content_sha256", benchmark.content_sha256);
-  section.read("heard_sounds", benchmark.heard_sounds);
-  section.read("held_out_kinds", benchmark.held_out_kinds);
-  ConfigReader hidden = section.child("private");
-  hidden.read("sha256", benchmark.private_sha256);
-  hidden.finish();
-  const bool is_hash =
-      benchmark.private_sha256.size() == 64 && benchmark.private_sha256.find_first_not_of("0123456789abcdef") == std::string::npos;
-  if (!benchmark.private_sha256.empty() && !is_hash)
-    throw InputError(where, "has a benchmark.private.sha256 that is not 64 hexadecimal digits", "write the output of sha256sum, in quotes");
-  static_cast<void>(section.child("tracks"));  // read once the sensors are known
-  section.finish();
+  read(file, benchmark);
   std::vector<std::string> run;
   for (const auto& [key, value] : flat_config(file.text()))
     if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
   benchmark.run = parse_run_config("", where, run);
+  ConfigReader section = file.child("benchmark", kBenchmarkAbout);
   benchmark.tracks = read_tracks(section, benchmark.run.env.observation);
   refuse_undecided(benchmark, where);
   if (benchmark.run.eval.file.empty()) throw InputError(where, "has no data.eval.file", "set it to the file of the test set");

@@ -35,6 +35,8 @@ struct Benchmark {
 /// overrides: "key=value" of the run config; none but what a machine may have its own: folders, threads, sizes of caches and of the
 /// batch (is_local_key).  Throws InputError that names a key that the benchmark fixes.
 Benchmark load_benchmark(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
+/// Reads the section `benchmark` of a file, tracks apart; its other sections are those of a run config.  Throws InputError.
+void read(ConfigReader& file, Benchmark& benchmark);
 /// XXH3 of the rules' text.
 std::string hash_of_rules(const MetricRules& rules);
 /// The same of what agents sense by, and of the tracks.

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <set>
 
 #include "sim/base/errors.h"
@@ -11,13 +10,6 @@
 
 namespace earshot {
 namespace {
-
-std::uint64_t seed_of(ConfigReader& reader, const std::string& text) {
-  std::uint64_t seed = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-  if (error != std::errc() || end != text.data() + text.size()) reader.fail("seeds", "'" + text + "' is not a whole number of at least 0");
-  return seed;
-}
 
 bool is_plain(const std::string& name) {
   return !name.empty() && name.front() != '.' && std::ranges::all_of(name, [](char c) {
@@ -35,35 +27,36 @@ void refuse_own_keys(ConfigReader& reader, const std::string& key, const std::ve
 
 }  // namespace
 
-SweepConfig load_sweep(const std::filesystem::path& path) {
-  ConfigReader reader = ConfigReader::from_file(path);
-  SweepConfig sweep{.name = path.stem().string(), .out = {}, .config = {}, .seeds = {}, .runs = {}};
-  reader.read("name", sweep.name);
+void read(ConfigReader& reader, SweepConfig& sweep) {
+  reader.read("name", sweep.name, "Name of the sweep; default: of the file.");
   sweep.out = "runs/sweeps/" + sweep.name;
-  reader.read("out", sweep.out);
-  reader.read_required("config", sweep.config);
-  std::vector<std::string> seeds;
-  reader.read_required("seeds", seeds);
-  for (const std::string& text : seeds) sweep.seeds.push_back(seed_of(reader, text));
-  if (sweep.seeds.empty()) reader.fail("seeds", "is empty: give at least one seed");
-  if (std::set<std::uint64_t>(sweep.seeds.begin(), sweep.seeds.end()).size() != sweep.seeds.size())
-    reader.fail("seeds", "contains a seed twice, which would repeat the run");
-  reader.read("set", sweep.set);
+  reader.read("out", sweep.out, Allowed::text("a folder"), "Folder of the runs; default: runs/sweeps/NAME.");
+  reader.read_required("config", sweep.config, Allowed::text("a run config"), "Run config that all runs start from.");
+  reader.read_required("seeds", sweep.seeds, Allowed::any(), "Seeds; each run is trained once with each.");
+  reader.read("set", sweep.set, Allowed::text("key=value"), "Keys of the run config for all runs, but seed and out.");
   refuse_own_keys(reader, "set", sweep.set);
-  ConfigReader runs = reader.child("runs");
-  for (const std::string& name : runs.keys()) {
+  ConfigReader runs = reader.child("runs", "Runs by name: what each changes in the config; at least one.");
+  for (const std::string& name : runs.free_keys("NAME")) {
     if (!is_plain(name)) runs.fail(name, "is not a valid run name: use letters, digits, '_', '-' and '.', because it becomes a folder");
     SweepConfig::Variant variant{.name = name, .overrides = {}};
-    if (!runs.list_size(name)) runs.fail(name, "is not a list of key=value: write [] for the unchanged config");
-    runs.read(name, variant.overrides);
+    runs.read_required(name, variant.overrides, Allowed::text("key=value"),
+                       "Keys of the run config for this run; [] for the config as it is.");
     refuse_own_keys(runs, name, variant.overrides);
     sweep.runs.push_back(std::move(variant));
   }
-  if (reader.has("evaluate")) {
-    if (!reader.list_size("evaluate")) reader.fail("evaluate", "is not a list of key=value: write [] to evaluate as trained");
-    reader.read("evaluate", sweep.evaluate.emplace());
-    refuse_own_keys(reader, "evaluate", *sweep.evaluate);
-  }
+  runs.finish();
+  reader.read("evaluate", sweep.evaluate, Allowed::text("key=value"),
+              "Keys for the evaluation of each run on data.eval; [] for the config as trained. Absent: no evaluation.");
+  if (sweep.evaluate) refuse_own_keys(reader, "evaluate", *sweep.evaluate);
+}
+
+SweepConfig load_sweep(const std::filesystem::path& path) {
+  ConfigReader reader = ConfigReader::from_file(path);
+  SweepConfig sweep{.name = path.stem().string(), .out = {}, .config = {}, .seeds = {}, .runs = {}};
+  read(reader, sweep);
+  if (sweep.seeds.empty()) reader.fail("seeds", "is empty: give at least one seed");
+  if (std::set<std::uint64_t>(sweep.seeds.begin(), sweep.seeds.end()).size() != sweep.seeds.size())
+    reader.fail("seeds", "contains a seed twice, which would repeat the run");
   if (sweep.runs.empty()) reader.fail("runs", "is missing or empty: list the runs, for example {base: []}");
   reader.finish();
   return sweep;

@@ -30,6 +30,8 @@ struct SweepConfig {
 /// Keys: name, out, config, seeds, set, runs{NAME: [key=value, ...]}, evaluate[key=value, ...].  Throws InputError: missing, unknown or
 /// wrong keys, and whatever load_run_config finds wrong with a variant.
 SweepConfig load_sweep(const std::filesystem::path& path);
+/// Reads the keys above over `sweep`, whose name must be set.  Throws InputError.
+void read(ConfigReader& reader, SweepConfig& sweep);
 
 /// One training of a sweep.
 struct SweepRun {

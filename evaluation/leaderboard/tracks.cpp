@@ -75,13 +75,14 @@ std::vector<Track> default_tracks() {
 }
 
 std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& of) {
-  ConfigReader reader = section.child("tracks");
+  ConfigReader reader = section.child("tracks", kTracksAbout);
   const std::vector<SensorSpec> all = all_sensors(of);
   std::vector<Track> tracks;
   std::set<std::string> names{kAnything};
-  for (const std::string& name : reader.keys()) {
+  for (const std::string& name : reader.free_keys("NAME")) {
     Track track{.name = name, .sensors = {}};
-    reader.read(name, track.sensors);
+    reader.read_required(name, track.sensors, Allowed::text("the name of a sensor"), "Sensors of a track, one of the ears among them.");
+    if (reader.is_describing()) continue;
     if (has_control_character(name) || !names.insert(name).second) reader.fail(name, "cannot be the name of a track");
     bool hears = false;
     for (const std::string& sensor : track.sensors) {

@@ -20,6 +20,7 @@ struct Track {
 /// "ears", "ears and eyes", "with odometry": sound and the last action and collision; and depth and colours; and gps_compass and pose.
 std::vector<Track> default_tracks();
 
+inline constexpr About kTracksAbout("Tracks by name, narrow ones first: the sensors that agents of a track may read.");
 /// Section `tracks` of a benchmark: a list of sensors for each name, narrow ones first; without one default_tracks().  of: the sensors
 /// that there are.  Throws InputError: a sensor that there is not or that is privileged, a name in use or with control characters, no
 /// sensor of the ears.

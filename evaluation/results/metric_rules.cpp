@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 #include "trainer/run/effective_config.h"
 
 namespace earshot {

@@ -7,6 +7,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/memory_bytes.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/nav/geodesic_field.h"
 #include "sim/nav/navmesh_impl.h"
 
@@ -40,17 +41,21 @@ Surface surface_of(const dtMeshTile& tile) {
 
 }  // namespace
 
+void read(ConfigReader& reader, NavmeshConfig& config) {
+  reader.read("agent_radius_m", config.agent_radius_m, Allowed::above(0).up_to(2), "Radius of the agent's cylinder.");
+  reader.read("agent_height_m", config.agent_height_m, Allowed::above(0).up_to(10), "Height of the agent's cylinder.");
+  reader.read("max_climb_m", config.max_climb_m, Allowed::at_least(0), "Height of a step that the agent climbs; below agent_height_m.");
+  reader.read("max_slope_deg", config.max_slope_deg, Allowed::at_least(0).below(90), "Steepest slope that the agent walks on.");
+  reader.read("cell_size_m", config.cell_size_m, Allowed::between(0.005, 1), "Width of the voxels that the navmesh is built from.");
+  reader.read("cell_height_m", config.cell_height_m, Allowed::between(0.005, 1), "Height of the voxels that the navmesh is built from.");
+  reader.read("min_region_area_m2", config.min_region_area_m2, Allowed::at_least(0).below(1e6),
+              "Area of walkable surface below which an island is dropped, such as a table top.");
+}
+
 void validate(const NavmeshConfig& config) {
-  require(config.agent_radius_m > 0.f && config.agent_radius_m <= 2.f, "nav.agent_radius_m", config.agent_radius_m, "must lie in (0, 2]");
-  require(config.agent_height_m > 0.f && config.agent_height_m <= 10.f, "nav.agent_height_m", config.agent_height_m, "must lie in (0, 10]");
-  require(config.max_climb_m >= 0.f && config.max_climb_m < config.agent_height_m, "nav.max_climb_m", config.max_climb_m,
-          "must be between 0 and nav.agent_height_m");
-  require(config.max_slope_deg >= 0.f && config.max_slope_deg < 90.f, "nav.max_slope_deg", config.max_slope_deg, "must lie in [0, 90)");
-  require(config.cell_size_m >= 0.005f && config.cell_size_m <= 1.f, "nav.cell_size_m", config.cell_size_m, "must lie in [0.005, 1]");
-  require(config.cell_height_m >= 0.005f && config.cell_height_m <= 1.f, "nav.cell_height_m", config.cell_height_m,
-          "must lie in [0.005, 1]");
-  require(config.min_region_area_m2 >= 0.f && config.min_region_area_m2 < 1e6f, "nav.min_region_area_m2", config.min_region_area_m2,
-          "must be at least 0");
+  check_values(config, "navmesh");
+  require(config.max_climb_m < config.agent_height_m, "navmesh.max_climb_m", config.max_climb_m,
+          "must lie between 0 and the agent's height");
 }
 
 OwnedNavMeshQuery make_query(const dtNavMesh& mesh, int num_nodes) {

@@ -13,6 +13,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// The cylinder that walks and the voxels of the search for walkable surface.
 struct NavmeshConfig {
   float agent_radius_m = 0.1f, agent_height_m = 1.5f;
@@ -20,7 +22,9 @@ struct NavmeshConfig {
   float cell_size_m = 0.05f, cell_height_m = 0.05f;
   float min_region_area_m2 = 0.5f;  ///< smaller islands (table tops) are dropped
 };
-/// Throws InputError "key = value: rule".
+/// Reads the fields by their names over `config`.  Throws InputError.
+void read(ConfigReader& reader, NavmeshConfig& config);
+/// Throws InputError naming key, value and what is allowed.
 void validate(const NavmeshConfig& config);
 
 /// Walkable surface of a mesh for a cylinder agent (Recast/Detour).  Immutable; queries are safe from any thread.

@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -75,11 +76,16 @@ class MapView {
 
 }  // namespace
 
-void validate(const TopdownMapConfig& config) {
-  require(config.size_px >= 8 && config.size_px <= 1024, "observation.map.size_px", config.size_px, "must be in [8, 1024]");
-  require(config.metres_per_px >= 0.02f && config.metres_per_px <= 1.f, "observation.map.metres_per_px", config.metres_per_px,
-          "must be in [0.02, 1]");
+void read(ConfigReader& reader, TopdownMapConfig& config) {
+  reader.read("size_px", config.size_px, Allowed::between(8, 1024), "Width and height of the map.");
+  reader.read("metres_per_px", config.metres_per_px, Allowed::between(0.02, 1),
+              "Edge of a pixel in the scene; above 0.3 m walls between rooms may be missed.");
+  reader.read_choice<MapFrame>("frame", config.frame, {{"egocentric", MapFrame::egocentric}, {"allocentric", MapFrame::allocentric}},
+                               "Axes of the map. egocentric: agent in the middle, heading up. allocentric: fixed to the scene.");
+  reader.read("goal", config.goal, "A fourth channel that shows the goals; it gives the answer away.");
 }
+
+void validate(const TopdownMapConfig& config) { check_values(config, "observation.map"); }
 
 void draw_topdown_map(const TopdownMapConfig& config, const WalkableMap& map, const MapMarks& marks, std::span<std::uint8_t> image) {
   const auto side = static_cast<std::size_t>(config.size_px);

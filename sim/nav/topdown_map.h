@@ -8,6 +8,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// How a map is turned and where its middle is.
 enum class MapFrame {
   egocentric,   ///< the agent in the middle, its heading upwards
@@ -20,8 +22,11 @@ struct TopdownMapConfig {
   MapFrame frame = MapFrame::egocentric;
   bool goal = false;  ///< a fourth channel for the goals: for oracles and videos, it gives the answer away
 };
-/// Throws InputError "key = value: rule".
+/// Reads the fields by their names over `config`.  Throws InputError.
+void read(ConfigReader& reader, TopdownMapConfig& config);
+/// Throws InputError naming key, value and what is allowed.
 void validate(const TopdownMapConfig& config);
+
 inline int map_channels(const TopdownMapConfig& config) { return config.goal ? 4 : 3; }
 
 /// What is drawn over the walkable surface.

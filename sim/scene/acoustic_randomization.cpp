@@ -9,6 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -32,14 +33,13 @@ std::string key_of(const std::string& category, const Material& material) {
 
 }  // namespace
 
-void validate(const AcousticRandomization& randomization, const std::string& where) {
-  const auto check = [&](const char* key, float value, float highest) {
-    if (value >= 0 && value <= highest) return;  // also refuses NaN
-    throw InputError(fmt::format("{}: randomize.{} = {}", where, key, value), fmt::format("is outside [0, {}]", highest),
-                     "use a value in this range");
-  };
-  check("noise_std", randomization.noise_std, 1);
-  check("transmission_noise_db", randomization.transmission_noise_db, 60);
+void read(ConfigReader& reader, AcousticRandomization& randomization) {
+  reader.read("candidates", randomization.candidates,
+              "Draws the material of each semantic category from its candidates. false: materials stay, with noise.");
+  reader.read("noise_std", randomization.noise_std, Allowed::between(0, 1),
+              "Standard deviation of the noise on absorption and scattering coefficients.");
+  reader.read("transmission_noise_db", randomization.transmission_noise_db, Allowed::between(0, 60),
+              "Standard deviation of the noise on transmission losses.");
 }
 
 Material with_noise(const Material& material, const AcousticRandomization& randomization, std::string_view scene, std::string_view key) {

@@ -12,6 +12,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// How to vary the materials of a scene, so that a policy learned in it does not depend on one guess of them.
 struct AcousticRandomization {
   std::uint64_t seed = 0;
@@ -22,8 +24,8 @@ struct AcousticRandomization {
   float transmission_noise_db = 3.f;
 };
 
-/// Throws InputError naming key, value and rule.
-void validate(const AcousticRandomization& randomization, const std::string& where);
+/// Reads all fields but the seed.  Throws InputError.
+void read(ConfigReader& reader, AcousticRandomization& randomization);
 
 /// `material` with noise at the octave midbands 125 Hz to 8 kHz (exact midbands 1000 * 10^(0.3 k)); its curves are those points then.
 /// Absorption and scattering are clipped to [0, 1]; transmission that was 0 stays 0, and none exceeds the absorption.  `scene` and `key`

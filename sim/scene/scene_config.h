@@ -3,7 +3,9 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "sim/base/text/config_key.h"
 #include "sim/scene/acoustic_randomization.h"
 #include "sim/scene/materials/material_assignment.h"
 #include "sim/scene/readers/mesh_import.h"
@@ -48,7 +50,7 @@ struct SceneConfig {
 /// Paths come out resolved against the folder of the file.  Throws InputError: unknown key, wrong type or range, duplicate pattern.
 SceneConfig read_scene_config(const std::filesystem::path& path);
 
-/// Throws InputError naming the value if air is outside the ranges of scene.h.
-void validate(const Air& air, const std::string& where);
+/// All keys of a scene YAML.
+std::vector<ConfigKey> scene_config_keys();
 
 }  // namespace earshot

@@ -4,6 +4,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// Pinhole camera.  Rows go top to bottom, columns left to right, as seen by the agent.
 struct CameraConfig {
   int width_px = 128, height_px = 128;  ///< width a multiple of 8
@@ -11,7 +13,9 @@ struct CameraConfig {
   float height_m = 1.25f;               ///< above the agent's foot point
   float max_depth_m = 10.f;
 };
-/// Throws InputError "key = value: rule".
+/// Reads the fields by their names over `config`.  Throws InputError.
+void read(ConfigReader& reader, CameraConfig& config);
+/// Throws InputError naming key, value and what is allowed.
 void validate(const CameraConfig& config);
 
 /// Where the agent stands: foot point on the floor and heading, counter-clockwise from -z seen from above.

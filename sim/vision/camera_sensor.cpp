@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -13,30 +14,35 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 
 }  // namespace
 
+void read(ConfigReader& reader, CameraSensorConfig& config) {
+  reader.read("width_px", config.width_px, Allowed::between(1, 4096), "Width of its pictures.");
+  reader.read("height_px", config.height_px, Allowed::between(1, 4096), "Height of its pictures.");
+  reader.read_choice<Projection>("projection", config.projection,
+                                 {{"pinhole", Projection::pinhole}, {"equirectangular", Projection::equirectangular}},
+                                 "Projection: a pinhole camera, or a panorama with equal angles per pixel.");
+  reader.read("horizontal_fov_deg", config.horizontal_fov_deg, Allowed::between(1, 360),
+              "Angle over the width; of a pinhole above 1 and below 179.");
+  const Allowed near_agent = Allowed::between(-10, 10).because("the agent carries the camera");
+  reader.read("right_m", config.right_m, near_agent, "Place of the camera to the right of the agent.");
+  reader.read("up_m", config.up_m, near_agent, "Place of the camera above the floor.");
+  reader.read("forward_m", config.forward_m, near_agent, "Place of the camera ahead of the agent.");
+  reader.read("yaw_deg", config.yaw_deg, Allowed::between(-360, 360), "Direction of the camera to the left of the agent's heading.");
+  reader.read("pitch_deg", config.pitch_deg, Allowed::between(-90, 90), "Direction of the camera upwards.");
+  reader.read("max_depth_m", config.max_depth_m, Allowed::above(0).because("depth is divided by it"),
+              "Distance that depth is divided by and clipped to.");
+  reader.read("unlit", config.unlit, "Colours without light.");
+}
+
 void validate(const CameraSensorConfig& config) {
-  const auto require_side = [](const char* key, int side) { require(side >= 1 && side <= 4096, key, side, "must be 1 to 4096"); };
-  require_side("camera.width_px", config.width_px);
-  require_side("camera.height_px", config.height_px);
+  check_values(config, "camera");
   if (config.projection == Projection::pinhole) {
     require(config.horizontal_fov_deg > 1.f && config.horizontal_fov_deg < 179.f, "camera.horizontal_fov_deg", config.horizontal_fov_deg,
             "must be between 1 and 179: a pinhole camera sees less than 180 degrees");
-  } else {
-    require(config.horizontal_fov_deg >= 1.f && config.horizontal_fov_deg <= 360.f, "camera.horizontal_fov_deg", config.horizontal_fov_deg,
-            "must be 1 to 360");
-    const float vertical_deg = config.horizontal_fov_deg * static_cast<float>(config.height_px) / static_cast<float>(config.width_px);
-    require(vertical_deg <= 180.001f, "camera.height_px", config.height_px,
-            "must cover at most 180 degrees: horizontal_fov_deg * height_px / width_px");
+    return;
   }
-  const auto require_place = [](const char* key, float value) {
-    require(value >= -10.f && value <= 10.f, key, value, "must be in [-10, 10]: the agent carries the camera");
-  };
-  require_place("camera.right_m", config.right_m);
-  require_place("camera.up_m", config.up_m);
-  require_place("camera.forward_m", config.forward_m);
-  require(config.yaw_deg >= -360.f && config.yaw_deg <= 360.f, "camera.yaw_deg", config.yaw_deg, "must be in [-360, 360]");
-  require(config.pitch_deg >= -90.f && config.pitch_deg <= 90.f, "camera.pitch_deg", config.pitch_deg, "must be in [-90, 90]");
-  require(config.max_depth_m > 0.f && std::isfinite(config.max_depth_m), "camera.max_depth_m", config.max_depth_m,
-          "must be positive and finite: it scales the depth");
+  const float vertical_deg = config.horizontal_fov_deg * static_cast<float>(config.height_px) / static_cast<float>(config.width_px);
+  require(vertical_deg <= 180.001f, "camera.height_px", config.height_px,
+          "must cover at most 180 degrees: horizontal_fov_deg * height_px / width_px");
 }
 
 CameraSensorConfig sensor_of(const CameraConfig& config) {

@@ -10,6 +10,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// How pixels become directions.
 enum class Projection {
   pinhole,          ///< square pixels on a plane; depth is the distance along the view axis
@@ -30,7 +32,9 @@ struct CameraSensorConfig {
   float max_depth_m = 10.f;  ///< depth is divided by it and clipped to [0, 1]
   bool unlit = false;        ///< colours as they are, without light
 };
-/// Throws InputError "key = value: rule".
+/// Reads the fields by their names over `config`.  Throws InputError.
+void read(ConfigReader& reader, CameraSensorConfig& config);
+/// Throws InputError naming key, value and what is allowed.
 void validate(const CameraSensorConfig& config);
 
 /// The camera of the agents' depth sensor as one of these: the same depth, bit for bit.

@@ -6,6 +6,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
@@ -14,11 +15,13 @@ constexpr float kShiftPxM = 35.13f;  ///< focal length times baseline of the dev
 
 }  // namespace
 
-void validate(const DepthNoiseConfig& config) {
-  require(config.disparity_px >= 0.f && config.disparity_px <= 1.f, "depth_noise.disparity_px", config.disparity_px, "must be in [0, 1]");
-  require(config.jitter_px >= 0.f && config.jitter_px <= 4.f, "depth_noise.jitter_px", config.jitter_px, "must be in [0, 4]");
-  require(config.quantum_px >= 0.f && config.quantum_px <= 1.f, "depth_noise.quantum_px", config.quantum_px, "must be in [0, 1]");
+void read(ConfigReader& reader, DepthNoiseConfig& config) {
+  reader.read("disparity_px", config.disparity_px, Allowed::between(0, 1), "Standard deviation of the matched shift of depth.");
+  reader.read("jitter_px", config.jitter_px, Allowed::between(0, 4), "Standard deviation of the place of edges in depth.");
+  reader.read("quantum_px", config.quantum_px, Allowed::between(0, 1), "Step of the matched shift of depth. 0: none.");
 }
+
+void validate(const DepthNoiseConfig& config) { check_values(config, "observation.noise"); }
 
 void add_depth_noise(const DepthNoiseConfig& config, const CameraSensorConfig& camera, const DepthNoiseDraw& draw,
                      std::span<const float> clean, std::span<float> noisy) {

@@ -8,6 +8,8 @@
 
 namespace earshot {
 
+class ConfigReader;
+
 /// Noise of a structured-light depth camera (PrimeSense, Kinect): what it matches is a shift of a pattern in pixels, so that noise grows
 /// with the square of the distance.  The model of the Redwood data set (Choi, Zhou and Koltun 2015, "Robust reconstruction of indoor
 /// scenes", after Barron and Malik 2013) without its table of lens distortion, which is one device's own:
@@ -21,7 +23,9 @@ struct DepthNoiseConfig {
   float jitter_px = 0.25f;         ///< standard deviation of where an edge appears, [0, 4]
   float quantum_px = 0.125f;       ///< step of the shift, 0: none, [0, 1]
 };
-/// Throws InputError "key = value: rule".
+/// Reads the fields by their names over `config`.  Throws InputError.
+void read(ConfigReader& reader, DepthNoiseConfig& config);
+/// Throws InputError naming key, value and what is allowed.
 void validate(const DepthNoiseConfig& config);
 
 /// Which numbers the noise takes: the same place, the same bits, whatever the thread or the batch.

@@ -1,7 +1,6 @@
 #include "trainer/learner/guidance_config.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "sim/base/text/config_reader.h"
 
@@ -21,25 +20,20 @@ double GuidanceConfig::imitation_at(double progress) const { return falling(imit
 double GuidanceConfig::oracle_at(double progress) const { return falling(oracle, 0, oracle_until, progress); }
 
 void read(ConfigReader& reader, GuidanceConfig& config) {
-  reader.read("imitation", config.imitation);
-  reader.read("imitation_end_weight", config.imitation_end_weight);
-  reader.read("imitation_until", config.imitation_until);
-  reader.read("oracle", config.oracle);
-  reader.read("oracle_until", config.oracle_until);
-  reader.read("goal", config.goal);
+  reader.read("imitation", config.imitation, Allowed::at_least(0),
+              "Weight of the cross-entropy between the policy and the oracle's action (DAgger), at the start of the training.");
+  reader.read("imitation_end_weight", config.imitation_end_weight, Allowed::at_least(0),
+              "Weight of imitation from imitation_until on; it falls linearly to this.");
+  reader.read("imitation_until", config.imitation_until, Allowed::between(0, 1),
+              "Fraction of the training after which imitation has its end weight.");
+  reader.read("oracle", config.oracle, Allowed::between(0, 1),
+              "Fraction of the episodes in which the oracle acts, at the start; those steps teach by imitation only.");
+  reader.read("oracle_until", config.oracle_until, Allowed::between(0, 1), "Fraction of the training after which the oracle acts no more.");
+  reader.read("goal", config.goal, Allowed::at_least(0), "Weight of the loss of policy.goal_heads.");
 }
 
 void validate(const GuidanceConfig& config) {
-  const auto weight = [](const char* key, double value) {
-    require(value >= 0 && std::isfinite(value), key, value, "must not be negative: it is the weight of a loss");
-  };
-  const auto fraction = [](const char* key, double value, const char* why) { require(value >= 0 && value <= 1, key, value, why); };
-  weight("guidance.imitation", config.imitation);
-  weight("guidance.imitation_end_weight", config.imitation_end_weight);
-  weight("guidance.goal", config.goal);
-  fraction("guidance.imitation_until", config.imitation_until, "must be in [0, 1]: a fraction of the training");
-  fraction("guidance.oracle", config.oracle, "must be in [0, 1]: a fraction of the episodes");
-  fraction("guidance.oracle_until", config.oracle_until, "must be in [0, 1]: a fraction of the training");
+  check_values(config, "guidance");
   require(config.imitation == 0 || config.imitation_until > 0, "guidance.imitation_until", config.imitation_until,
           "must be positive: otherwise guidance.imitation ends before it begins");
   require(config.oracle == 0 || config.imitation > 0, "guidance.oracle", config.oracle,

@@ -4,6 +4,7 @@
 
 #include <charconv>
 
+#include "sim/base/text/config_reader.h"
 #include "trainer/net/curve_keys.h"
 
 namespace earshot {
@@ -25,24 +26,29 @@ PortRange ports_of(const NetworkConfig& config) {
 }
 
 void read(ConfigReader& reader, NetworkConfig& config) {
-  reader.read("interface", config.interface);
-  reader.read("port_range", config.port_range);
-  reader.read("curve_key_file", config.curve_key_file);
-  reader.read("allow_list", config.allow_list);
-  reader.read("meeting_key", config.meeting_key);
-  reader.read("shared_memory", config.shared_memory);
-  reader.read("insecure", config.insecure);
-  reader.read_choice<OnLoss>("on_loss", config.on_loss, {{"stop", OnLoss::stop}, {"continue", OnLoss::go_on}});
-  reader.read("restarts", config.restarts);
-  reader.read("progress_timeout_s", config.progress_timeout_s);
+  reader.read("interface", config.interface, Allowed::text("the name or address of an interface"),
+              "Interface that this worker listens on, such as eth0 or an address. Empty: the one that leads to rank 0.");
+  reader.read("port_range", config.port_range, Allowed::text("FIRST-LAST, ports from 1 to 65535"),
+              "Ports to listen on. Empty: any free port, and 20000-29999 for a meeting point whose launcher names none.");
+  reader.read("curve_key_file", config.curve_key_file, Allowed::text("a key file"),
+              "CURVE keys of this worker, a file of mode 0600 made by earshot keys.");
+  reader.read("allow_list", config.allow_list, Allowed::text("a file of public keys"),
+              "Public keys that may take part, one per line. Empty: the worker's own key only.");
+  reader.read("meeting_key", config.meeting_key, Allowed::text("a public key, 40 characters"),
+              "Public key of rank 0. Empty: the worker's own key, where all workers share a key file.");
+  reader.read("shared_memory", config.shared_memory, "Workers of one host sum gradients in shared memory.");
+  reader.read("insecure", config.insecure, "Allows links between hosts without keys.");
+  reader.read_choice<OnLoss>("on_loss", config.on_loss, {{"stop", OnLoss::stop}, {"continue", OnLoss::go_on}},
+                             "Reaction to a lost worker. stop: the run ends with a checkpoint. continue: the others go on.");
+  reader.read("restarts", config.restarts, Allowed::between(0, 1'000'000),
+              "Number of times that earshot train --workers N restarts lost workers in one run.");
+  reader.read("progress_timeout_s", config.progress_timeout_s, Allowed::between(0.1, 1e6),
+              "Time without progress after which a worker counts as lost.");
 }
 
 void validate(const NetworkConfig& config) {
+  check_values(config, "network");
   ports_of(config);
-  require(config.progress_timeout_s >= 0.1 && config.progress_timeout_s <= 1e6, "network.progress_timeout_s", config.progress_timeout_s,
-          "must be in [0.1, 1e6]: a worker without progress for this time counts as lost");
-  require(config.restarts >= 0 && config.restarts <= 1000000, "network.restarts", config.restarts,
-          "must be in [0, 1000000]: number of restarts of a lost worker");
   require(config.restarts == 0 || config.on_loss == OnLoss::go_on, "network.restarts", config.restarts,
           "needs network.on_loss=continue: otherwise the run ends with the first lost worker");
   require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,

@@ -31,10 +31,11 @@ std::string plan_text(const RunConfig& config, const EnvAccuracy& accuracy) {
 RunConfig read_plan(const RunConfig& config, const std::filesystem::path& file) {
   ConfigReader reader = ConfigReader::from_file(file);
   std::string unused;
-  for (const char* key : {"method", "predicted", "scenes_tried", "ms_per_source", "ms_per_response"}) reader.read_required(key, unused);
+  for (const char* key : {"method", "predicted", "scenes_tried", "ms_per_source", "ms_per_response"})
+    reader.read_required(key, unused, Allowed::any(), "What the planner tried and predicts, for readers.");
   RunConfig planned = config;
   planned.env.accuracy.clear();
-  ConfigReader acoustics = reader.child("acoustics");
+  ConfigReader acoustics = reader.child("acoustics", "Acoustics that the planner chose.");
   for (const std::string_view key : {"rays", "source_rays", "early_order", "field"})
     if (!acoustics.has(std::string(key))) acoustics.fail(std::string(key), "is missing");
   read(acoustics, planned.env.acoustics);

@@ -9,46 +9,62 @@
 namespace earshot {
 namespace {
 
-void read(ConfigReader& reader, RunConfig& config) {
-  reader.read("name", config.name);
-  reader.read("out", config.out);
-  reader.read("seed", config.seed);
-  reader.read("workers", config.workers);
-  reader.read("envs_per_worker", config.envs_per_worker);
-  reader.read("rollout_steps", config.rollout_steps);
-  reader.read("overlap", config.overlap);
-  reader.read("total_steps", config.total_steps);
-  reader.read("max_minutes", config.max_minutes);
-  reader.read("checkpoint_every", config.checkpoint_every);
-  reader.read("keep", config.keep);
-  reader.read("metrics_file", config.metrics_file);
-  reader.read("eval_envs", config.eval_envs);
-  reader.read("initial_policy", config.initial_policy);
-  reader.read_choice<Schedule>("schedule", config.schedule, {{"steps", Schedule::steps}, {"minutes", Schedule::minutes}});
-  reader.read_choice<ActionChoice>("eval_actions", config.eval_actions,
-                                   {{"sample", ActionChoice::sample}, {"argmax", ActionChoice::argmax}});
-
+void read_sections(ConfigReader& reader, RunConfig& config) {
   read_env_section(reader, config.env);
-  ConfigReader policy = reader.child("policy");
-  read(policy, config.policy);
-  policy.finish();
-  ConfigReader ppo = reader.child("ppo");
-  read(ppo, config.ppo);
-  ppo.finish();
-  ConfigReader guidance = reader.child("guidance");
-  read(guidance, config.guidance);
-  guidance.finish();
-  ConfigReader network = reader.child("network");
-  read(network, config.network);
-  network.finish();
+  const auto section = [&](const char* key, auto& part, About about) {
+    ConfigReader child = reader.child(key, about);
+    read(child, part);
+    child.finish();
+  };
+  section("policy", config.policy, "Network of the policy.");
+  section("ppo", config.ppo, "Learner: proximal policy optimization with synchronous workers (DD-PPO).");
+  section("guidance", config.guidance, "Labels of the simulator that training uses beside rewards; none in evaluation.");
+  section("network", config.network, "Connections between workers, needed only for several hosts.");
   read_data_section(reader, config.train, config.eval);
 }
+
+void read_name(ConfigReader& reader, RunConfig& config) { reader.read("name", config.name, "Name of the run."); }
+
+void read_seed(ConfigReader& reader, RunConfig& config) {
+  reader.read("seed", config.seed, "Seed of the run: of env.seed and policy.seed unless they are set, and of sampled actions.");
+}
+
+}  // namespace
+
+void read(ConfigReader& reader, RunConfig& config) {
+  read_name(reader, config);
+  reader.read("out", config.out, Allowed::text("a folder"), "Folder of checkpoints, curves and results; default: runs/NAME.");
+  read_seed(reader, config);
+  reader.read("workers", config.workers, Allowed::between(1, kMaxWorkers),
+              "Worker processes on this machine; a launcher takes precedence.");
+  reader.read("envs_per_worker", config.envs_per_worker, Allowed::at_least(1), "Environments of each worker.");
+  reader.read("rollout_steps", config.rollout_steps, Allowed::at_least(1), "Steps of each environment between two updates.");
+  reader.read("overlap", config.overlap, "Steps the environments in two halves, one while the policy computes the other's actions.");
+  reader.read("total_steps", config.total_steps, Allowed::at_least(1), "Environment steps of the training, over all workers.");
+  reader.read("max_minutes", config.max_minutes, Allowed::at_least(0), "Wall time of the training. 0: no bound.");
+  reader.read("checkpoint_every", config.checkpoint_every, Allowed::at_least(1), "Updates between two periodic checkpoints.");
+  reader.read("keep", config.keep, Allowed::at_least(1), "Periodic checkpoints that are kept, beside the best and the last.");
+  reader.read("metrics_file", config.metrics_file, Allowed::text("a file"),
+              "Text file for Prometheus that each update replaces. Empty: none.");
+  reader.read("eval_envs", config.eval_envs, Allowed::at_least(1), "Environments of the evaluation; a part of its bits.");
+  reader.read("initial_policy", config.initial_policy, Allowed::text("a policy file, checkpoint or run folder"),
+              "Policy whose weights a new run starts from. Empty: random weights from policy.seed.");
+  reader.read_choice<Schedule>("schedule", config.schedule, {{"steps", Schedule::steps}, {"minutes", Schedule::minutes}},
+                               "Measure of progress for decays and guidance. steps: total_steps, the same bits on every machine. minutes: "
+                               "total_steps or max_minutes, whichever comes first.");
+  reader.read_choice<ActionChoice>("eval_actions", config.eval_actions,
+                                   {{"sample", ActionChoice::sample}, {"argmax", ActionChoice::argmax}},
+                                   "Actions of the evaluated policy. sample: drawn from its distribution. argmax: the likeliest.");
+  read_sections(reader, config);
+}
+
+namespace {
 
 RunConfig read_run(ConfigReader reader) {
   RunConfig config;
   // Two keys are the defaults of others.
-  reader.read("name", config.name);
-  reader.read("seed", config.seed);
+  read_name(reader, config);
+  read_seed(reader, config);
   config.out = "runs/" + config.name;
   config.env.seed = config.policy.seed = config.seed;
   read(reader, config);
@@ -69,14 +85,7 @@ RunConfig read_run(ConfigReader reader) {
           "has no effect without guidance.goal, the weight of their loss");
   require(config.schedule == Schedule::steps || config.max_minutes > 0, "schedule", "minutes", "needs max_minutes");
   validate_world(config.workers, config.network.on_loss);
-  require(config.envs_per_worker >= 1, "envs_per_worker", config.envs_per_worker, "must be positive");
   require(!config.overlap || config.envs_per_worker >= 2, "overlap", true, "needs at least two environments per worker");
-  require(config.rollout_steps >= 1, "rollout_steps", config.rollout_steps, "must be positive");
-  require(config.total_steps >= 1, "total_steps", config.total_steps, "must be positive");
-  require(config.max_minutes >= 0, "max_minutes", config.max_minutes, "must not be negative; 0: no time limit");
-  require(config.checkpoint_every >= 1, "checkpoint_every", config.checkpoint_every, "must be positive");
-  require(config.keep >= 1, "keep", config.keep, "must be positive: the newest checkpoint is always kept");
-  require(config.eval_envs >= 1, "eval_envs", config.eval_envs, "must be positive");
   require(!config.out.empty(), "out", config.out, "must name a folder");
   require(!has_control_character(config.name), "name", config.name, "must not have control characters: tables print it");
   return config;

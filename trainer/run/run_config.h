@@ -53,6 +53,8 @@ ObservationSpec training_sensors(const RunConfig& config);
 /// What the collector of each worker reads of the config.
 RolloutConfig rollout_config(const RunConfig& config);
 
+/// Reads the keys above over `config`, each by itself: load_run_config checks them together.  Throws InputError.
+void read(ConfigReader& reader, RunConfig& config);
 /// Reads and validates a run config.  Throws InputError: what, where, what to do.
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 RunConfig parse_run_config(std::string_view yaml, const std::string& where, const std::vector<std::string>& overrides);

@@ -1,17 +1,13 @@
 #include "sim/acoustics/core/acoustic_config.h"
 
-#include <cmath>
-#include <limits>
-
 #include "sim/acoustics/core/bands.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
 
 const std::map<std::string, Switch> kSwitches = {{"auto", Switch::automatic}, {"on", Switch::on}, {"off", Switch::off}};
-
-bool in_range(float value, float lowest, float highest) { return value >= lowest && value <= highest; }  // false for NaN
 
 }  // namespace
 
@@ -57,56 +53,98 @@ AcousticConfig acoustic_preset(std::string_view name) {
   throw InputError("preset '" + std::string(name) + "'", "is not a quality preset", "use fast, balanced or high");
 }
 
+namespace {
+
+void read_parts(ConfigReader& reader, AcousticConfig& config) {
+  reader.read_choice("direct", config.direct, kSwitches, "Direct sound. auto: the effect plan decides.");
+  reader.read_choice("early", config.early, kSwitches, "Early specular reflections, from image paths. auto: the effect plan decides.");
+  reader.read_choice("late", config.late, kSwitches, "Late sound, from traced rays or a source field. auto: the effect plan decides.");
+  reader.read_choice("diffraction", config.diffraction, kSwitches, "Diffraction around edges. auto: the effect plan decides.");
+  reader.read_choice("transmission", config.transmission, kSwitches, "Transmission through walls. auto: the effect plan decides.");
+  reader.read_choice("air_absorption", config.air_absorption, kSwitches, "Absorption in air (ISO 9613-1). auto: the effect plan decides.");
+}
+
+void read_early(ConfigReader& reader, AcousticConfig& config) {
+  reader.read("early_order", config.early_order, Allowed::between(0, 4).because("the number of image paths grows exponentially with it"),
+              "Largest number of specular reflections of an image path.");
+  reader.read("early_candidate_rays", config.early_candidate_rays, Allowed::between(0, 10'000'000),
+              "Rays traced once per source to find the sequences of planes of image paths.");
+  reader.read("diffraction_order", config.diffraction_order, Allowed::between(1, 10), "Largest number of edges in a diffraction path.");
+  reader.read("diffraction_edge_m", config.diffraction_edge_m, Allowed::above(0).up_to(100), "Length below which edges are left out.");
+  reader.read("diffraction_paths", config.diffraction_paths, Allowed::between(1, 10'000),
+              "Number of diffraction paths that are kept, the strongest first.");
+  reader.read("diffraction_reflections", config.diffraction_reflections, Allowed::between(0, 1),
+              "Reflections in large planes on either side of the edges of a diffraction path.");
+  reader.read("transmission_walls", config.transmission_walls, Allowed::between(1, 50),
+              "Largest number of walls that sound passes in a straight line.");
+}
+
+void read_late(ConfigReader& reader, AcousticConfig& config) {
+  reader.read("rays", config.rays, Allowed::at_least(0).because("each ray carries 1/rays of the energy"),
+              "Rays traced from the listener for each response. More rays: less noise, and proportionally more time.");
+  reader.read("source_rays", config.source_rays, Allowed::between(0, 1 << 20),
+              "Rays traced from the source for bidirectional path tracing. 0: rays from the listener only.");
+  reader.read("source_bounces", config.source_bounces, Allowed::between(1, 60),
+              "Reflections of a source ray that are kept; only with source_rays above 0.");
+  reader.read("specular_exponent", config.specular_exponent, Allowed::between(1, 1000).or_value(0),
+              "Exponent n of the lobe cos^n of specular reflections. 0: reflections as from a mirror.");
+  reader.read("max_bounces", config.max_bounces, Allowed::at_least(0),
+              "Largest number of reflections of a ray, a safety bound: time and Russian roulette end rays earlier.");
+  reader.read("time_bin_s", config.time_bin_s, Allowed::between(1e-5, 0.1), "Width of a time bin of the energy response.");
+  reader.read("sh_order", config.sh_order, Allowed::between(0, 5),
+              "Order of the spherical harmonics of the arrival directions of late sound.");
+  reader.read("rir_length_s", config.rir_length_s, Allowed::above(0).up_to(60).or_word("auto", 0),
+              "Length of a response. auto: as long as the decay of the scene needs, at most 4 s.");
+  reader.read(
+      "source_radius_m", config.source_radius_m, Allowed::above(0).up_to(100).or_word("auto", 0),
+      "Radius of the sphere in which specular paths meet the source, without diffuse_last_segment. auto: a twelfth of the mean free "
+      "path, within 0.25 to 2 m.");
+  reader.read("scattering", config.scattering, Allowed::any().up_to(1),
+              "Scattering coefficient for every material. Negative: each material has its own.");
+}
+
+void read_field(ConfigReader& reader, AcousticConfig& config) {
+  reader.read_choice(
+      "field", config.field, kSwitches,
+      "Late sound from a source field: photons are traced once per source, and each pose gathers from them. auto: where a source "
+      "is heard from many poses and the field costs less than rays.");
+  reader.read("field_photons", config.field_photons, Allowed::between(512, 1 << 24), "Largest number of photons of a source field.");
+  reader.read("field_error", config.field_error, Allowed::above(0).up_to(1),
+              "Relative standard error of T20 below which no more photons are added to a source field.");
+  reader.read("field_cell_m", config.field_cell_m, Allowed::between(0.05, 10), "Edge of the cells of a source field, approximately.");
+  reader.read_choice(
+      "temporal_reuse", config.temporal_reuse, kSwitches,
+      "Blends traced late sound along a trajectory, which reduces noise. auto: where the source moves. No effect on a single "
+      "response.");
+  reader.read(
+      "late_decode_s", config.late_decode_s, Allowed::between(0, 60),
+      "Binaural: late sound up to this time after its onset is rendered through the head as a first-order sound field; what follows has "
+      "the right level and interaural correlation only.");
+  reader.read(
+      "glide_paths", config.glide_paths, Allowed::between(0, 64),
+      "Number of the strongest paths whose delays move smoothly from pose to pose along a trajectory. 0: none. No effect on a single "
+      "response.");
+}
+
+}  // namespace
+
 void read(ConfigReader& reader, AcousticConfig& config) {
-  reader.read_choice("direct", config.direct, kSwitches);
-  reader.read_choice("early", config.early, kSwitches);
-  reader.read_choice("late", config.late, kSwitches);
-  reader.read_choice("diffraction", config.diffraction, kSwitches);
-  reader.read_choice("transmission", config.transmission, kSwitches);
-  reader.read_choice("air_absorption", config.air_absorption, kSwitches);
-  reader.read("early_order", config.early_order);
-  reader.read("early_candidate_rays", config.early_candidate_rays);
-  reader.read("diffraction_order", config.diffraction_order);
-  reader.read("diffraction_edge_m", config.diffraction_edge_m);
-  reader.read("diffraction_paths", config.diffraction_paths);
-  reader.read("diffraction_reflections", config.diffraction_reflections);
-  reader.read("transmission_walls", config.transmission_walls);
-  reader.read("rays", config.rays);
-  reader.read("source_rays", config.source_rays);
-  reader.read("source_bounces", config.source_bounces);
-  reader.read("specular_exponent", config.specular_exponent);
-  reader.read("max_bounces", config.max_bounces);
-  reader.read("time_bin_s", config.time_bin_s);
-  reader.read("sh_order", config.sh_order);
-  std::string length;
-  reader.read("rir_length_s", length);
-  if (length == "auto")
-    config.rir_length_s = 0.f;
-  else
-    reader.read("rir_length_s", config.rir_length_s);
-  std::string radius;
-  reader.read("source_radius_m", radius);
-  if (radius == "auto")
-    config.source_radius_m = 0.f;
-  else
-    reader.read("source_radius_m", config.source_radius_m);
-  reader.read("scattering", config.scattering);
-  reader.read_choice("field", config.field, kSwitches);
-  reader.read("field_photons", config.field_photons);
-  reader.read("field_error", config.field_error);
-  reader.read("field_cell_m", config.field_cell_m);
-  reader.read_choice("temporal_reuse", config.temporal_reuse, kSwitches);
-  reader.read("late_decode_s", config.late_decode_s);
-  reader.read("glide_paths", config.glide_paths);
-  reader.read("bands", config.bands);
-  reader.read("sample_rate_hz", config.sample_rate_hz);
-  reader.read("seed", config.seed);
-  reader.read("threads", config.threads);
+  read_parts(reader, config);
+  read_early(reader, config);
+  read_late(reader, config);
+  read_field(reader, config);
+  reader.read("bands", config.bands, Allowed::between(1, kMaxBands).or_value(0),
+              "Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz.");
+  reader.read("sample_rate_hz", config.sample_rate_hz, Allowed::between(8000, 96000), "Sample rate of responses and sounds.");
+  reader.read("seed", config.seed, "Seed of rays and noise carriers; the same seed gives the same bits.");
+  reader.read("threads", config.threads, Allowed::between(0, 4096),
+              "Threads of one response. 0: all cores. Any number gives the same bits.");
   // Its default depends on no other key, so only a value that was given can contradict them; where it has no effect it is not recorded.
   const bool has_effect = config.field != Switch::on && config.source_rays == 0 && config.specular_exponent == 0.f;
-  if (!has_effect && config.diffuse_last_segment && !reader.has("diffuse_last_segment")) return;
-  reader.read("diffuse_last_segment", config.diffuse_last_segment);
-  if (has_effect || !config.diffuse_last_segment) return;
+  if (!has_effect && config.diffuse_last_segment && !reader.asks_for("diffuse_last_segment")) return;
+  reader.read("diffuse_last_segment", config.diffuse_last_segment,
+              "Treats the last segment of late paths as diffuse: far less noise for a small bias. false: unbiased.");
+  if (has_effect || !config.diffuse_last_segment || reader.is_describing()) return;
   if (config.field == Switch::on)
     throw InputError("diffuse_last_segment = true", "has no effect on a source field", "leave it out, or set field=off");
   throw InputError("diffuse_last_segment = true", "has no effect on bidirectional tracing",
@@ -114,45 +152,11 @@ void read(ConfigReader& reader, AcousticConfig& config) {
 }
 
 void validate(const AcousticConfig& config) {
-  require(config.early_order >= 0 && config.early_order <= 4, "early_order", config.early_order,
-          "must be in [0, 4]: the number of image paths grows exponentially with it");
-  require(config.early_candidate_rays >= 0 && config.early_candidate_rays <= 10'000'000, "early_candidate_rays",
-          config.early_candidate_rays, "must be in [0, 10000000]");
-  require(config.diffraction_order >= 1 && config.diffraction_order <= 10, "diffraction_order", config.diffraction_order,
-          "must be in [1, 10]");
-  require(config.diffraction_edge_m > 0.f && in_range(config.diffraction_edge_m, 0.f, 100.f), "diffraction_edge_m",
-          config.diffraction_edge_m, "must be in (0, 100] m");
-  require(config.diffraction_paths >= 1 && config.diffraction_paths <= 10'000, "diffraction_paths", config.diffraction_paths,
-          "must be in [1, 10000]");
-  require(config.diffraction_reflections == 0 || config.diffraction_reflections == 1, "diffraction_reflections",
-          config.diffraction_reflections, "must be 0 or 1");
-  require(config.transmission_walls >= 1 && config.transmission_walls <= 50, "transmission_walls", config.transmission_walls,
-          "must be in [1, 50]");
-  require(config.source_rays >= 0 && config.source_rays <= 1 << 20, "source_rays", config.source_rays, "must be in [0, 2^20]");
-  require(config.source_bounces >= 1 && config.source_bounces <= 60, "source_bounces", config.source_bounces, "must be in [1, 60]");
+  check_values(config, "");
   require(std::int64_t{config.source_rays} * config.source_bounces <= 1 << 23, "source_rays", config.source_rays,
           "times source_bounces must be at most 2^23: all vertices are stored");
-  require(config.specular_exponent == 0.f || in_range(config.specular_exponent, 1.f, 1000.f), "specular_exponent", config.specular_exponent,
-          "must be 0 (mirror) or in [1, 1000]");
-  require(config.rays >= 0, "rays", config.rays, "must be in [0, 2^31): each ray carries 1/rays of the energy");
-  require(config.max_bounces >= 0, "max_bounces", config.max_bounces, "must not be negative");
-  require(config.time_bin_s > 0.f && in_range(config.time_bin_s, 1e-5f, 0.1f), "time_bin_s", config.time_bin_s,
-          "must be in [0.00001, 0.1] s");
-  require(config.sh_order >= 0 && config.sh_order <= 5, "sh_order", config.sh_order, "must be in [0, 5]");
-  require(in_range(config.rir_length_s, 0.f, 60.f), "rir_length_s", config.rir_length_s, "must be in (0, 60] s, or auto");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
           "needs more than a million bins of time_bin_s; reduce it, or increase time_bin_s");
-  require(in_range(config.source_radius_m, 0.f, 100.f), "source_radius_m", config.source_radius_m, "must be in (0, 100] m, or auto");
-  require(std::isfinite(config.scattering) && config.scattering <= 1.f, "scattering", config.scattering,
-          "must be in [0, 1], or negative to use the scattering of each material");
-  require(config.field_photons >= 512 && config.field_photons <= 1 << 24, "field_photons", config.field_photons, "must be in [512, 2^24]");
-  require(config.field_error > 0.f && config.field_error <= 1.f, "field_error", config.field_error, "must be in (0, 1]");
-  require(in_range(config.field_cell_m, 0.05f, 10.f), "field_cell_m", config.field_cell_m, "must be in [0.05, 10] m");
-  require(in_range(config.late_decode_s, 0.f, 60.f), "late_decode_s", config.late_decode_s, "must be in [0, 60] s");
-  require(config.glide_paths >= 0 && config.glide_paths <= 64, "glide_paths", config.glide_paths, "must be in [0, 64]");
-  require(config.bands >= 0 && config.bands <= kMaxBands, "bands", config.bands, "must be in [1, 32], or 0 for octaves from 125 Hz");
-  require(in_range(config.sample_rate_hz, 8000.f, 96000.f), "sample_rate_hz", config.sample_rate_hz, "must be in [8000, 96000] Hz");
-  require(config.threads >= 0 && config.threads <= 4096, "threads", config.threads, "must be in [0, 4096]; 0: all cores");
 }
 
 }  // namespace earshot

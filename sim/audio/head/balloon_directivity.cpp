@@ -103,29 +103,40 @@ class Balloon final : public Directivity {
   std::vector<double> gain_db_;                              ///< [frequency][elevation][azimuth]
 };
 
-std::vector<double> rising_list(ConfigReader& reader, const std::string& key, double lowest, double highest) {
-  std::vector<double> list;
-  reader.read_required(key, list);
+/// A balloon as its file has it.
+struct BalloonTable {
+  std::string name, source;
+  std::vector<double> frequency_hz, elevation_deg, azimuth_deg;
+  std::vector<std::vector<std::vector<double>>> gain_db;
+};
+
+void read(ConfigReader& reader, BalloonTable& table) {
+  reader.read("name", table.name, "Name of the balloon, free text.");
+  reader.read("source", table.source, "Origin of the data, free text.");
+  reader.read_required("frequencies_hz", table.frequency_hz, Allowed::between(1, 1e6), "Frequencies [F], rising.");
+  reader.read_required("elevations_deg", table.elevation_deg, Allowed::between(-90, 90), "Elevations [E], rising.");
+  reader.read_required("azimuths_deg", table.azimuth_deg, Allowed::between(-360, 360),
+                       "Azimuths [A], rising within one turn, counter-clockwise from the front seen from above.");
+  reader.read_required("gains_db", table.gain_db, Allowed::any(), "Gains [F][E][A], relative to any level, from -200 to 200 dB.");
+}
+
+void require_rising(const ConfigReader& reader, const std::string& key, const std::vector<double>& list) {
   if (list.empty()) reader.fail(key, "is empty");
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    if (!(list[i] >= lowest && list[i] <= highest)) reader.fail(key, fmt::format("{} is outside [{}, {}]", list[i], lowest, highest));
-    if (i > 0 && !(list[i] > list[i - 1])) reader.fail(key, fmt::format("is not increasing at {}", list[i]));
-  }
-  return list;
+  for (std::size_t i = 1; i < list.size(); ++i)
+    if (!(list[i] > list[i - 1])) reader.fail(key, fmt::format("is not increasing at {}", list[i]));
 }
 
 std::shared_ptr<const Directivity> read_balloon(ConfigReader reader) {
-  std::string text;
-  reader.read("name", text);
-  reader.read("source", text);
-  std::vector<double> frequency = rising_list(reader, "frequencies_hz", 1.0, 1e6);
-  std::vector<double> elevation = rising_list(reader, "elevations_deg", -90.0, 90.0);
-  std::vector<double> azimuth = rising_list(reader, "azimuths_deg", -360.0, 360.0);
+  BalloonTable table;
+  read(reader, table);
+  reader.finish();
+  std::vector<double>&frequency = table.frequency_hz, &elevation = table.elevation_deg, &azimuth = table.azimuth_deg;
+  const auto& nested = table.gain_db;
+  require_rising(reader, "frequencies_hz", frequency);
+  require_rising(reader, "elevations_deg", elevation);
+  require_rising(reader, "azimuths_deg", azimuth);
   if (azimuth.back() - azimuth.front() >= 360.0)
     reader.fail("azimuths_deg", "covers more than a full circle: leave out the last angle, which repeats the first");
-  std::vector<std::vector<std::vector<double>>> nested;
-  reader.read_required("gains_db", nested);
-  reader.finish();
   std::vector<double> gain_db;
   gain_db.reserve(frequency.size() * elevation.size() * azimuth.size());
   if (nested.size() != frequency.size())
@@ -146,6 +157,13 @@ std::shared_ptr<const Directivity> read_balloon(ConfigReader reader) {
 }
 
 }  // namespace
+
+std::vector<ConfigKey> Directivity::balloon_keys() {
+  ConfigReader describer = ConfigReader::describer();
+  BalloonTable table;
+  read(describer, table);
+  return describer.described();
+}
 
 std::shared_ptr<const Directivity> Directivity::balloon(const std::filesystem::path& path) {
   return balloon_from_text(read_file(path, kMaxFileBytes), path.string());

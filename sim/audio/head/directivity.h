@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/base/text/config_key.h"
+
 namespace earshot {
 
 /// Directional pattern of a source or a microphone in its own axes: x right, y up, front -z.  Pressure gain, 1 in front; negative where
@@ -39,6 +41,8 @@ class Directivity {
   static std::shared_ptr<const Directivity> balloon(const std::filesystem::path& path);
   /// The same from text; where: how messages name it.
   static std::shared_ptr<const Directivity> balloon_from_text(std::string_view text, const std::string& where);
+  /// All keys of such a file.
+  static std::vector<ConfigKey> balloon_keys();
   /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a path that ends in .json, .yaml or .yml of a balloon.
   static std::shared_ptr<const Directivity> named(std::string_view name);
 };

@@ -21,30 +21,28 @@ namespace {
 constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
 
+constexpr About kMicrophonesAbout("Microphones, a channel each, in the listener's axes.");
 constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
 
-Microphone read_microphone(ConfigReader reader, const std::filesystem::path& folder) {
+Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& folder) {
   Microphone microphone;
   std::vector<float> position;
   std::string pattern;
   float omni_weight = 1.f;
   double azimuth_deg = 0, elevation_deg = 0, roll_deg = 0;
-  reader.read("name", microphone.name);
-  reader.read_required("position_m", position);
-  const bool has_weight = reader.has("omni_weight"), has_pattern = reader.has("pattern");
-  reader.read("omni_weight", omni_weight);
-  reader.read("pattern", pattern);
-  reader.read("azimuth_deg", azimuth_deg);
-  reader.read("elevation_deg", elevation_deg);
-  reader.read("roll_deg", roll_deg);
+  reader.read("name", microphone.name, "Name of the microphone.");
+  reader.read_required("position_m", position, Allowed::between(-kMaxOffsetM, kMaxOffsetM).items(3),
+                       "Place from the listener: x right, y up, z back.");
+  reader.read("omni_weight", omni_weight, Allowed::between(0, 1), "Weight a of the pattern a + (1 - a) cos; in place of pattern.");
+  reader.read("pattern", pattern, Allowed::text("omni, cardioid, another pattern, voice, or a balloon file"),
+              "Directional pattern: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file.");
+  reader.read("azimuth_deg", azimuth_deg, "Direction of its front to the left of the listener's.");
+  reader.read("elevation_deg", elevation_deg, "Direction of its front upwards.");
+  reader.read("roll_deg", roll_deg, "Rotation about its front.");
   reader.finish();
-  if (position.size() != 3) reader.fail("position_m", fmt::format("has {} numbers instead of x, y, z", position.size()));
-  for (const float value : position)
-    if (!(std::abs(value) <= kMaxOffsetM))
-      reader.fail("position_m", fmt::format("{} m is more than {} m from the listener", value, kMaxOffsetM));
+  if (reader.is_describing()) return microphone;
+  const bool has_weight = reader.has("omni_weight"), has_pattern = !pattern.empty();
   if (has_weight && has_pattern) reader.fail("omni_weight", "is given together with pattern; give only one of them");
-  for (const auto& [key, value] : {std::pair{"azimuth_deg", azimuth_deg}, {"elevation_deg", elevation_deg}, {"roll_deg", roll_deg}})
-    if (!std::isfinite(value)) reader.fail(key, "is not a finite number");
   microphone.position_m = {position[0], position[1], position[2]};
   if (has_weight) microphone.directivity = Directivity::first_order(omni_weight);
   if (has_pattern) {
@@ -127,15 +125,21 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
 
 ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   ConfigReader reader = ConfigReader::from_file(path);
-  const std::optional<std::size_t> count = reader.list_size("microphones");
+  std::vector<ConfigReader> maps = reader.children("microphones", kMicrophonesAbout);
   reader.finish();
-  if (!count) reader.fail("microphones", "is missing or not a list of microphones");
-  if (*count == 0 || *count > kMaxMicrophones)
-    reader.fail("microphones", fmt::format("has {} entries instead of 1 to {}", *count, kMaxMicrophones));
+  if (!reader.has("microphones")) reader.fail("microphones", "is missing; it is a list of microphones");
+  if (maps.empty() || maps.size() > kMaxMicrophones)
+    reader.fail("microphones", fmt::format("has {} entries instead of 1 to {}", maps.size(), kMaxMicrophones));
   std::vector<Microphone> microphones;
-  for (std::size_t i = 0; i < *count; ++i) microphones.push_back(read_microphone(reader.list_child("microphones", i), path.parent_path()));
+  for (ConfigReader& map : maps) microphones.push_back(read_microphone(map, path.parent_path()));
   if (const auto name = repeated_name(microphones)) reader.fail("microphones", fmt::format("have the name '{}' twice", *name));
   return array(std::move(microphones));
+}
+
+std::vector<ConfigKey> ListenerLayout::keys() {
+  ConfigReader describer = ConfigReader::describer();
+  for (ConfigReader& map : describer.children("microphones", kMicrophonesAbout)) read_microphone(map, {});
+  return describer.described();
 }
 
 int ListenerLayout::num_channels() const {

@@ -50,6 +50,8 @@ struct ListenerLayout {
   /// relative to this one) or `omni_weight`, `azimuth_deg` counter-clockwise from the front, `elevation_deg`, `roll_deg` (its right side
   /// down), `name`.
   static ListenerLayout from_file(const std::filesystem::path& path);
+  /// All keys of such a file.
+  static std::vector<ConfigKey> keys();
 
   [[nodiscard]] int num_channels() const;
 };

@@ -1,16 +1,24 @@
 #include "sim/base/text/config_reader.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <numeric>
+#include <type_traits>
 
 #include "sim/base/files.h"
+#include "sim/base/text/config_value.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/text/schema_version.h"
 #include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
+
+constexpr const char* kVersionKey = "schema_version";
+constexpr SchemaRange kConfigVersions{.oldest = 1, .newest = 1};
+constexpr std::size_t kMaxShownBytes = 100;
 
 /// Levenshtein distance, one row of memory.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
@@ -40,11 +48,19 @@ bool can_be_written(const YAML::Node& root) {
   return true;
 }
 
+/// The beginning of a long text, for messages.
+std::string shortened(const std::string& text) {
+  if (text.size() <= kMaxShownBytes) return text;
+  std::size_t end = kMaxShownBytes;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0u) == 0x80u) --end;  // not within a character
+  return text.substr(0, end) + "...";
+}
+
 /// A node as one line of YAML, for messages.
 std::string shown(const YAML::Node& node) {
   YAML::Emitter out;
   out << YAML::Flow << node;
-  return out.good() ? std::string(out.c_str()) : std::string("?");
+  return shortened(out.good() ? std::string(out.c_str()) : std::string("?"));
 }
 
 /// A YAML key may itself be a list or a map; no known key is, so such a key is shown and matches none.
@@ -80,33 +96,30 @@ void apply_override(YAML::Node root, const std::string& text, const std::string&
 
 /// The key that every YAML file may have at its top.  It is checked here and taken out: readers of the file do not see it.
 void take_schema_version(YAML::Node root, const std::string& where) {
-  constexpr const char* kKey = "schema_version";
-  constexpr SchemaRange kConfig{.oldest = 1, .newest = 1};
-  const YAML::Node node = root[kKey];
+  const YAML::Node node = root[kVersionKey];
   if (!node.IsDefined()) return;
   std::int64_t version = 0;
   try {
     version = node.as<std::int64_t>();
   } catch (const YAML::Exception&) {
-    throw InputError(where, std::string(kKey) + ": '" + shown(node) + "' cannot be read as a whole number", "");
+    throw InputError(where, std::string(kVersionKey) + " is " + shown(node), "use " + wanted_text(ConfigReader::schema_version_key()));
   }
-  check_schema_version(where, "a config", version, kConfig);
-  root.remove(kKey);
+  check_schema_version(where, "a config", version, kConfigVersions);
+  root.remove(kVersionKey);
 }
 
-/// Name of the type of a key, for messages.
 template <class T>
-std::string type_name() {
-  if constexpr (std::is_same_v<T, bool>)
-    return "true or false";
-  else if constexpr (std::is_integral_v<T>)
-    return "a whole number in range";
-  else if constexpr (std::is_floating_point_v<T>)
-    return "a number";
-  else if constexpr (std::is_same_v<T, std::string>)
-    return "text";
-  else
-    return "the list that this key takes";
+T parse_value(const YAML::Node& node, const Allowed& allowed) {
+  if constexpr (is_number_type<T>)
+    if (!allowed.word.empty() && allowed.other && node.IsScalar() && node.Scalar() == allowed.word) return static_cast<T>(*allowed.other);
+  if constexpr (std::is_same_v<T, std::vector<std::string>>)
+    if (allowed.is_one_enough && node.IsScalar()) return {node.Scalar()};
+  return node.as<T>();
+}
+
+/// Of a message "KEY is VALUE": what to do.
+std::string remedy_for(const ConfigKey& key) {
+  return "use " + wanted_text(key) + (key.allowed.reason.empty() ? "" : ": " + std::string(key.allowed.reason));
 }
 
 }  // namespace
@@ -122,8 +135,20 @@ struct ConfigReader::Nodes {
   }
 };
 
-ConfigReader::ConfigReader(Nodes nodes, std::string where, std::string prefix)
-    : nodes_(std::make_shared<Nodes>(std::move(nodes))), where_(std::move(where)), prefix_(std::move(prefix)) {}
+struct ConfigReader::Shared {
+  bool has_keys = false;  ///< of the file, beside overrides
+  std::vector<std::string> overrides = {};
+  std::vector<ConfigKey> described = {};
+  std::size_t last = 0;  ///< of described
+  std::set<std::string> refused = {};
+};
+
+ConfigReader::ConfigReader(Nodes nodes, std::shared_ptr<Shared> shared, Mode mode, std::string where, std::string prefix)
+    : nodes_(std::make_shared<Nodes>(std::move(nodes))),
+      shared_(std::move(shared)),
+      mode_(mode),
+      where_(std::move(where)),
+      prefix_(std::move(prefix)) {}
 
 ConfigReader ConfigReader::from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   return from_text(read_file(path, std::size_t{16} << 20), path.string(), overrides);
@@ -140,100 +165,145 @@ ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, c
   }
   if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
   if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
+  const bool has_keys = root.size() > 0;
   for (const auto& text : overrides) apply_override(root, text, where);
   take_schema_version(root, where);
   if (!can_be_written(root))
     throw InputError(where, "contains text that cannot be written and read back unchanged", "do not use \\N and \\_ in quotes");
-  return {Nodes{root}, std::move(where), ""};
+  auto shared = std::make_shared<Shared>(Shared{.has_keys = has_keys, .overrides = overrides});
+  return {Nodes{root}, std::move(shared), Mode::parsing, std::move(where), ""};
 }
 
-ConfigReader ConfigReader::recorder() {
+ConfigReader ConfigReader::without_file(Mode mode, const std::string& prefix) {
   const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
-  ConfigReader reader({map, effective}, "recorder", "");
-  reader.records_ = true;
-  return reader;
+  return {{map, effective}, std::make_shared<Shared>(), mode, "config", prefix};
+}
+
+ConfigReader ConfigReader::recorder() { return without_file(Mode::recording, ""); }
+
+ConfigReader ConfigReader::describer() { return without_file(Mode::describing, ""); }
+
+ConfigReader ConfigReader::checker(const std::string& section) {
+  return without_file(Mode::checking, section.empty() ? "" : section + ".");
+}
+
+ConfigKey ConfigReader::schema_version_key() {
+  return {.name = kVersionKey,
+          .type = KeyType::whole_number,
+          .allowed = Allowed::between(static_cast<double>(kConfigVersions.oldest), static_cast<double>(kConfigVersions.newest)),
+          .default_value = std::to_string(kConfigVersions.oldest),
+          .about = "Version of the file format; a program refuses versions that it does not know."};
 }
 
 template <ConfigValue T>
-void ConfigReader::read(const std::string& key, T& value) {
+void ConfigReader::read(const std::string& key, T& value, const Allowed& allowed, About about) {
   known_.insert(key);
-  if (const YAML::Node node = nodes_->find(key)) {
-    try {
-      value = node.as<T>();
-    } catch (const YAML::Exception&) {
-      fail(key, "'" + shown(node) + "' cannot be read as " + type_name<T>());
-    }
+  ConfigKey declared = key_of<T>(prefix_ + key, allowed);
+  if (mode_ == Mode::describing) {
+    declared.default_value = value_text(value, allowed);
+    declared.about = about.text();
+    return describe(declared);
   }
-  if (records_) nodes_->effective[key] = value;
+  if (mode_ == Mode::checking && !is_value_allowed(value, allowed))
+    throw InputError(where_, prefix_ + key + " is " + value_text(value, Allowed::any()), remedy_for(declared));
+  if (const YAML::Node node = nodes_->find(key)) {
+    std::optional<T> parsed;
+    try {
+      parsed = parse_value<T>(node, allowed);
+    } catch (const YAML::Exception&) {
+    }
+    if (!parsed || !is_value_allowed(*parsed, allowed))
+      throw InputError(place_of(key), prefix_ + key + " is " + shown(node), remedy_for(declared));
+    value = std::move(*parsed);
+  }
+  if (mode_ == Mode::recording) nodes_->effective[key] = value;
 }
 
-template void ConfigReader::read(const std::string&, bool&);
-template void ConfigReader::read(const std::string&, int&);
-template void ConfigReader::read(const std::string&, std::uint32_t&);
-template void ConfigReader::read(const std::string&, std::int64_t&);
-template void ConfigReader::read(const std::string&, std::uint64_t&);
-template void ConfigReader::read(const std::string&, float&);
-template void ConfigReader::read(const std::string&, double&);
-template void ConfigReader::read(const std::string&, std::string&);
-template void ConfigReader::read(const std::string&, std::vector<int>&);
-template void ConfigReader::read(const std::string&, std::vector<float>&);
-template void ConfigReader::read(const std::string&, std::vector<double>&);
-template void ConfigReader::read(const std::string&, std::vector<std::string>&);
-template void ConfigReader::read(const std::string&, std::vector<std::vector<std::vector<double>>>&);
+template void ConfigReader::read(const std::string&, bool&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, int&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::uint32_t&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::int64_t&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::uint64_t&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, float&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, double&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::string&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<int>&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<std::uint64_t>&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<float>&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<double>&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<std::string>&, const Allowed&, About);
+template void ConfigReader::read(const std::string&, std::vector<std::vector<std::vector<double>>>&, const Allowed&, About);
 
-void ConfigReader::record(const std::string& key, const std::string& choice) { nodes_->effective[key] = choice; }
-
-bool ConfigReader::has(const std::string& key) {
+std::optional<std::string> ConfigReader::choose(const std::string& key, const std::string& current, const std::vector<std::string>& names,
+                                                About about) {
   known_.insert(key);
-  return static_cast<bool>(nodes_->find(key));
+  ConfigKey declared{.name = prefix_ + key, .type = KeyType::choice, .choices = names};
+  if (mode_ == Mode::describing) {
+    declared.default_value = current;
+    declared.about = about.text();
+    describe(declared);
+  }
+  if (mode_ == Mode::recording && !current.empty()) nodes_->effective[key] = current;
+  const YAML::Node node = nodes_->find(key);
+  if (!node) return std::nullopt;
+  if (!node.IsScalar() || std::find(names.begin(), names.end(), node.Scalar()) == names.end())
+    throw InputError(place_of(key), prefix_ + key + " is " + shown(node), remedy_for(declared));
+  return node.Scalar();
 }
 
-ConfigReader ConfigReader::child(const std::string& key) {
+bool ConfigReader::has(const std::string& key) const { return static_cast<bool>(nodes_->find(key)); }
+
+ConfigReader ConfigReader::child(const std::string& key, About about) {
   known_.insert(key);
+  const std::string prefix = prefix_ + key + ".";
+  if (mode_ == Mode::describing) describe({.name = prefix_ + key, .type = KeyType::section, .about = std::string(about.text())});
   const YAML::Node node = nodes_->find(key);
   if (!node) {
     const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
-    ConfigReader absent({map, effective}, where_, prefix_ + key + ".");
-    if (records_) {
-      absent.records_ = true;
-      nodes_->effective[key] = effective;
-    }
-    return absent;
+    if (mode_ == Mode::recording) nodes_->effective[key] = effective;
+    return {{map, effective}, shared_, mode_, where_, prefix};
   }
   if (!node.IsMap()) fail(key, "must be a map of keys and values");
-  return {Nodes{node}, where_, prefix_ + key + "."};
+  return {Nodes{node}, shared_, mode_, where_, prefix};
 }
 
-std::optional<std::string> ConfigReader::scalar(const std::string& key) {
+std::vector<ConfigReader> ConfigReader::children(const std::string& key, About about) {
   known_.insert(key);
+  std::vector<ConfigReader> maps;
+  if (mode_ == Mode::describing) {
+    describe({.name = prefix_ + key + "[]", .type = KeyType::section, .about = std::string(about.text())});
+    maps.push_back({{YAML::Node(YAML::NodeType::Map)}, shared_, mode_, where_, prefix_ + key + "[]."});
+    return maps;
+  }
+  const YAML::Node node = nodes_->find(key);
+  if (!node) return maps;
+  if (!node.IsSequence()) fail(key, "must be a list of maps");
+  for (std::size_t i = 0; i < node.size(); ++i) {
+    const std::string name = key + "[" + std::to_string(i) + "]";
+    const YAML::Node item = node[i];
+    if (!item.IsMap() && !item.IsNull()) fail(name, "is not a map of keys and values");
+    maps.push_back({Nodes{item.IsNull() ? YAML::Node(YAML::NodeType::Map) : item}, shared_, mode_, where_, prefix_ + name + "."});
+  }
+  return maps;
+}
+
+std::vector<std::string> ConfigReader::free_keys(const std::string& placeholder) const {
+  std::vector<std::string> names;
+  if (mode_ == Mode::describing) names.push_back(placeholder);
+  for (const auto& item : nodes_->map) names.push_back(key_text(item.first));
+  return names;
+}
+
+std::optional<std::string> ConfigReader::scalar(const std::string& key) const {
   const YAML::Node node = nodes_->find(key);
   return node.IsScalar() ? std::optional(node.Scalar()) : std::nullopt;
 }
 
-std::optional<std::size_t> ConfigReader::list_size(const std::string& key) {
-  known_.insert(key);
-  const YAML::Node node = nodes_->find(key);
-  return node.IsSequence() ? std::optional(node.size()) : std::nullopt;
-}
-
-std::optional<std::string> ConfigReader::list_scalar(const std::string& key, std::size_t index) {
-  const YAML::Node item = nodes_->find(key)[index];
-  return item.IsScalar() ? std::optional(item.Scalar()) : std::nullopt;
-}
-
-ConfigReader ConfigReader::list_child(const std::string& key, std::size_t index) {
-  const YAML::Node item = nodes_->find(key)[index];
-  const std::string where = where_ + " " + key + "[" + std::to_string(index) + "]";
-  if (item.IsNull()) return {Nodes{YAML::Node(YAML::NodeType::Map)}, where, ""};
-  if (!item.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
-  return {Nodes{item}, where, ""};
-}
-
-std::vector<std::string> ConfigReader::keys() {
-  std::vector<std::string> names;
-  for (const auto& item : nodes_->map) names.push_back(key_text(item.first));
-  known_.insert(names.begin(), names.end());
-  return names;
+void ConfigReader::refuse(const std::vector<std::string>& keys, const std::string& problem) {
+  for (const std::string& key : keys) {
+    if (has(key)) fail(key, problem);
+    shared_->refused.insert(prefix_ + key);
+  }
 }
 
 void ConfigReader::finish() const {
@@ -241,14 +311,44 @@ void ConfigReader::finish() const {
     const std::string key = key_text(item.first);
     if (known_.contains(key)) continue;
     const std::string nearest = nearest_word(key, known_);
-    std::string all;
-    for (const auto& name : known_) all += (all.empty() ? "" : ", ") + name;
-    fail(key, "unknown key; " + (nearest.empty() ? "known keys: " + all : "did you mean '" + nearest + "'?"));
+    fail(key, "unknown key; " + (nearest.empty() ? "known keys: " + listed(known_, ", ") : "did you mean '" + nearest + "'?"));
   }
 }
 
 void ConfigReader::fail(const std::string& key, const std::string& problem) const {
-  throw InputError(where_, prefix_ + key + ": " + problem, "");
+  throw InputError(place_of(key), prefix_ + key + ": " + problem, "");
+}
+
+std::string ConfigReader::place_of(const std::string& key) const {
+  const std::string path = prefix_ + key;
+  for (auto text = shared_->overrides.rbegin(); text != shared_->overrides.rend(); ++text) {
+    const std::string name = text->substr(0, text->find('='));
+    if (name != path && !path.starts_with(name + ".")) continue;
+    return shared_->has_keys ? "override '" + shortened(*text) + "'" : where_ + " " + shortened(*text);
+  }
+  for (const auto& item : nodes_->map)
+    if (const YAML::Mark mark = item.first.Mark(); key_text(item.first) == key && !mark.is_null())
+      return where_ + ":" + std::to_string(mark.line + 1);
+  return where_;
+}
+
+void ConfigReader::describe(const ConfigKey& key) {
+  std::vector<ConfigKey>& all = shared_->described;
+  const auto known = std::find_if(all.begin(), all.end(), [&](const ConfigKey& other) { return other.name == key.name; });
+  shared_->last = static_cast<std::size_t>(known - all.begin());
+  if (known == all.end()) all.push_back(key);
+}
+
+ConfigKey& ConfigReader::last_described() { return shared_->described.at(shared_->last); }
+
+std::vector<ConfigKey> ConfigReader::described() const {
+  std::vector<ConfigKey> keys;
+  for (const ConfigKey& key : shared_->described) {
+    const bool is_refused = std::any_of(shared_->refused.begin(), shared_->refused.end(),
+                                        [&](const std::string& name) { return key.name == name || key.name.starts_with(name + "."); });
+    if (!is_refused) keys.push_back(key);
+  }
+  return keys;
 }
 
 std::string ConfigReader::effective() const { return YAML::Dump(nodes_->effective) + "\n"; }

@@ -15,6 +15,7 @@
 #include "sim/base/text/json_depth.h"
 #include "sim/base/text/schema_version.h"
 #include "sim/base/text/text_match.h"
+#include "sim/scene/materials/material_keys.h"
 
 namespace earshot {
 namespace {
@@ -40,7 +41,8 @@ float read_number(const Entry& entry, const std::string& key, const Json& json) 
 }
 
 /// [f0, c0, f1, c1, ...]: any order; of equal frequencies the last wins.
-CoefficientCurve read_curve(const Entry& entry, const std::string& key, float largest) {
+CoefficientCurve read_curve(const Entry& entry, const std::string& key) {
+  const auto largest = static_cast<float>(material_entry_key(key).allowed.high);
   const Json& list = entry.json.at(key);
   if (!list.is_array() || list.empty() || list.size() % 2 != 0) {
     entry.fail(key, "is not a list of pairs", "write [Hz, value, Hz, value, ...]");
@@ -76,7 +78,7 @@ void read_as_pressure(Material& material) {
 }
 
 void read_source(const Entry& entry, Material& material) {
-  static const std::set<std::string> known{"absorption", "scattering", "transmission", "damping", "speed", "density"};
+  const std::set<std::string>& known = material_source_keys();
   if (!entry.json.contains("source")) return;
   const Json& json = entry.json["source"];
   if (!json.is_object()) {
@@ -111,8 +113,7 @@ void limit_transmission(const Entry& entry, Material& material, std::vector<Mate
 }
 
 Material read_material(const Json& json, std::size_t index, const std::string& where, const MaterialImport& import) {
-  static const std::set<std::string> known{"name",    "labels", "absorption", "scattering", "transmission",
-                                           "damping", "speed",  "density",    "source"};
+  const std::set<std::string>& known = material_entry_keys();
   Entry entry{json, fmt::format("{}: material {}", where, index)};
   if (!json.is_object()) throw InputError(entry.where, "is not an object", "write {\"name\": ..., \"absorption\": [...], ...}");
   Material material;
@@ -127,10 +128,10 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
   for (const char* key : {"absorption", "scattering"}) {
     if (!json.contains(key)) entry.fail(key, "is missing", "add [Hz, value, ...]");
   }
-  material.absorption = read_curve(entry, "absorption", 1);
-  material.scattering = read_curve(entry, "scattering", 1);
-  material.transmission = json.contains("transmission") ? read_curve(entry, "transmission", 1) : CoefficientCurve::constant(0);
-  material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping", 1e6f) : CoefficientCurve::constant(0);
+  material.absorption = read_curve(entry, "absorption");
+  material.scattering = read_curve(entry, "scattering");
+  material.transmission = json.contains("transmission") ? read_curve(entry, "transmission") : CoefficientCurve::constant(0);
+  material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping") : CoefficientCurve::constant(0);
   if (import.reading == CoefficientReading::pressure) read_as_pressure(material);
   if (!import.keep_transmission) limit_transmission(entry, material, import.warnings);
   if (json.contains("labels")) {

@@ -35,22 +35,28 @@ SemanticMaterials SemanticMaterials::from_yaml(std::string_view yaml, const std:
   SemanticMaterials result;
   result.where_ = where;
   ConfigReader reader = ConfigReader::from_text(yaml, where);
-  ConfigReader categories = reader.child("categories");
-  for (const std::string& category : categories.keys()) {
-    const std::size_t count = categories.list_size(category).value_or(0);
-    if (count == 0) categories.fail(category, "is not a list of materials");
-    std::vector<std::string> names;
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::optional<std::string> name = categories.list_scalar(category, i);
-      if (!name) categories.fail(category, "contains an entry that is not a material name");
-      names.push_back(*name);
-    }
-    if (!result.candidates_.emplace(normalized(category), std::move(names)).second) categories.fail(category, "occurs twice");
-  }
-  categories.finish();
+  result.read(reader);
   reader.finish();
   if (result.candidates_.empty()) throw InputError(where, "has no categories", "write categories: {wall: [gypsum_board]}");
   return result;
+}
+
+void SemanticMaterials::read(ConfigReader& reader) {
+  ConfigReader categories = reader.child("categories", "Materials by semantic category.");
+  for (const std::string& category : categories.free_keys("CATEGORY")) {
+    std::vector<std::string> names;
+    categories.read_required(category, names, Allowed::text("the name of a material"),
+                             "Materials of a category: the usual one, then others to draw from in randomization.");
+    if (names.empty() && !reader.is_describing()) categories.fail(category, "is an empty list of materials");
+    if (!candidates_.emplace(normalized(category), std::move(names)).second) categories.fail(category, "occurs twice");
+  }
+  categories.finish();
+}
+
+std::vector<ConfigKey> SemanticMaterials::keys() {
+  ConfigReader describer = ConfigReader::describer();
+  SemanticMaterials().read(describer);
+  return describer.described();
 }
 
 SemanticMaterials SemanticMaterials::from_file(const std::filesystem::path& path) {

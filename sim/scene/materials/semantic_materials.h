@@ -6,9 +6,12 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/base/text/config_key.h"
 #include "sim/scene/materials/materials.h"
 
 namespace earshot {
+
+class ConfigReader;
 
 /// Which materials a thing of a semantic category (wall, sofa, tv_monitor) can be made of.  YAML: categories: {wall: [gypsum_board, ...]};
 /// the first candidate is the usual one, the others are for randomization (acoustic_randomization.h).
@@ -32,7 +35,12 @@ class SemanticMaterials {
   /// Throws InputError for the first candidate that `database` lacks, with the nearest name.
   void require_materials(const MaterialDatabase& database) const;
 
+  /// All keys of such a file.
+  static std::vector<ConfigKey> keys();
+
  private:
+  void read(ConfigReader& reader);
+
   std::string where_;
   std::map<std::string, std::vector<std::string>> candidates_;
 };

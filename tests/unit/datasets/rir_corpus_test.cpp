@@ -207,7 +207,7 @@ TEST(RirCorpus, ConfigsAreCheckedByKey) {
   EXPECT_THAT(refused("shoeboxes: {count: 1, absorption: [0.5, 0.1]}\n"), HasSubstr("shoeboxes.absorption"));
   EXPECT_THAT(refused(room + "clearance_m: 0\n"), HasSubstr("clearance_m"));
   EXPECT_THAT(refused(room + "source_patterns: [cardiod]\n"), HasSubstr("cardiod"));
-  EXPECT_THAT(refused(room + "channels: mono\nhrtf: head.sofa\n"), HasSubstr("has no effect on channels 'mono'"));
+  EXPECT_THAT(refused(room + "channels: mono\nhrtf: head.sofa\n"), HasSubstr("has no effect with channels 'mono'"));
   EXPECT_THAT(refused(room + "channels: ambisonic:3\nformat: flac\n"), HasSubstr("8 channels"));
   EXPECT_THAT(refused(room + "split_ms: 2000\n"), HasSubstr("split_ms"));
   EXPECT_THAT(refused(room + "sofa: true\nsplit_ms: 20\n"), HasSubstr("split_ms"));

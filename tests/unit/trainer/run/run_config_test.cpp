@@ -66,15 +66,16 @@ TEST(RunConfig, SensorsOfTheLossesAreThoseOfTrainingAlone) {
 }
 
 TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
-  EXPECT_THAT(message_of("workers: 0"), HasSubstr("workers = 0: must be in [1, 1024]"));
+  EXPECT_THAT(message_of("workers: 0"), HasSubstr("run.yaml:1: workers is 0; use a whole number from 1 to 1,024"));
   EXPECT_THAT(message_of("workers: 65\nnetwork: {on_loss: continue}"),
               HasSubstr("network.on_loss = continue: must be stop with 65 workers"));
   EXPECT_THAT(message_of("rollout_steps: -1"), HasSubstr("rollout_steps"));
-  EXPECT_THAT(message_of("seed: many"), HasSubstr("cannot be read as a whole number"));
+  EXPECT_THAT(message_of("seed: many"), HasSubstr("seed is many; use a whole number from 0 to 2^64 - 1"));
   EXPECT_THAT(message_of("ppo: {clip: -0.1}"), HasSubstr("clip"));
-  EXPECT_THAT(message_of("ppo: {preempt_fraction: 1}"), HasSubstr("ppo.preempt_fraction = 1: must be in [0, 1)"));
+  EXPECT_THAT(message_of("ppo: {preempt_fraction: 1}"), HasSubstr("ppo.preempt_fraction is 1; use a number of at least 0 and below 1"));
   EXPECT_THAT(message_of("ppo: {preempt_least: 0.5}"), HasSubstr("ppo.preempt_least = 0.5: has no effect without ppo.preempt_fraction"));
-  EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_least: 1.5}"), HasSubstr("ppo.preempt_least = 1.5: must be in [0, 1]"));
+  EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_least: 1.5}"),
+              HasSubstr("ppo.preempt_least is 1.5; use a number from 0 to 1"));
   EXPECT_THAT(message_of("ppo: {preempt_fraction: 0.6, preempt_weight: ranks}"), HasSubstr("preempt_weight"));
   EXPECT_THAT(message_of("ppo: {preempt_weight: truncated}"), HasSubstr("has no effect without ppo.preempt_fraction"));
   const RunConfig config = parse_run_config("ppo: {preempt_fraction: 0.6, preempt_weight: worker}", "run.yaml", {});
@@ -95,7 +96,8 @@ TEST(RunConfig, TrainingSharesGoalsAndEvaluationDoesNot) {
   EXPECT_EQ(config.eval.goals_per_scene, 0);
   EXPECT_FALSE(generator_keys(config.eval, config.env).contains("data.goals_per_scene"));
   EXPECT_EQ(generator_keys(config.train, config.env).at("data.goals_per_scene"), "10");
-  EXPECT_THAT(message_of("data: {train: {goals_per_scene: -1}}"), HasSubstr("goals_per_scene = -1"));
+  EXPECT_THAT(message_of("data: {train: {goals_per_scene: -1}}"),
+              HasSubstr("data.train.goals_per_scene is -1; use a whole number from 0 to 100,000"));
   EXPECT_THAT(message_of("data: {eval: {goal_per_scene: 1}}"), HasSubstr("did you mean 'goals_per_scene'"));
 }
 

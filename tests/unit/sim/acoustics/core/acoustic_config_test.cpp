@@ -79,11 +79,11 @@ TEST(Quality, MessagesNameKeyAndValue) {
     return message_of(config);
   };
   using C = AcousticConfig;
-  EXPECT_NE(with([](C& c) { c.rays = -1; }).find("rays = -1"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.late_decode_s = -0.1f; }).find("late_decode_s = -0.1"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.glide_paths = 65; }).find("glide_paths = 65"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.diffraction_reflections = 2; }).find("diffraction_reflections = 2"), std::string::npos);
-  EXPECT_NE(with([](C& c) { c.bands = 33; }).find("bands = 33"), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.rays = -1; }).find("rays is -1; use "), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.late_decode_s = -0.1f; }).find("late_decode_s is -0.1; use "), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.glide_paths = 65; }).find("glide_paths is 65; use "), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.diffraction_reflections = 2; }).find("diffraction_reflections is 2; use "), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.bands = 33; }).find("bands is 33; use "), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = NAN; }).find("rir_length_s"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = -1; }).find("rir_length_s"), std::string::npos);  // H-33
   EXPECT_NE(with([](C& c) { c.time_bin_s = 0; }).find("time_bin_s"), std::string::npos);

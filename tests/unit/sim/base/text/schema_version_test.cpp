@@ -56,13 +56,13 @@ TEST(SchemaVersion, OfYamlIsCheckedBeforeAnyKeyAndTakenOut) {
   };
   ConfigReader reader = read("schema_version: 1\nseed: 3\n");
   int seed = 0;
-  reader.read("seed", seed);
+  reader.read("seed", seed, "Seed of the test.");
   reader.finish();
   EXPECT_EQ(seed, 3);
   EXPECT_THAT(refusal([&] { read("schema_version: 2\nkey_of_the_future: 3\n"); }),
               AllOf(HasSubstr("run.yaml"), HasSubstr("a config of version 2"), HasSubstr("use a newer earshot")));
   EXPECT_THAT(refusal([&] { read("seed: 3\n", {"schema_version=7"}); }), HasSubstr("of version 7"));
-  EXPECT_THAT(refusal([&] { read("schema_version: two\n"); }), HasSubstr("'two' cannot be read as a whole number"));
+  EXPECT_THAT(refusal([&] { read("schema_version: two\n"); }), HasSubstr("schema_version is two; use 1"));
 }
 
 }  // namespace
