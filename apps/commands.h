@@ -21,6 +21,7 @@ void add_dataset_scenes(CLI::App& dataset);    ///< `dataset scenes`
 void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_plan(CLI::App& app);
 void add_keys(CLI::App& app);
+void add_config(CLI::App& app);
 void add_policy(CLI::App& app);
 void add_leaderboard(CLI::App& app);
 void add_replay(CLI::App& app);

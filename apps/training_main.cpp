@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   earshot::add_train(app, program.arguments(), program.exit_code());
   earshot::add_plan(app);
   earshot::add_keys(app);
+  earshot::add_config(app);
   earshot::add_eval(app, program.arguments(), program.exit_code());
   earshot::add_policy(app);
   earshot::add_verify(app);

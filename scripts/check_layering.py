@@ -14,7 +14,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
   in trainer       net <- launch <- collective <- learner <- rollout <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
   in evaluation    results <- leaderboard <- replay
   in bench         measure <- accuracy <- speed <- soak; questions is programs that nothing links
-  in apps          options <- {sound, scene, dataset, training, board, bench}
+  in apps          options <- {sound, scene, dataset, reference, training, board, bench}
 Of bench only training/ and the programs questions/learner_*_bench.cpp use policy and trainer.
 
 ROOT: the source tree, by default the one this script is in.
@@ -70,7 +70,7 @@ ALLOWED = [
     ("apps", "sim envs datasets policy trainer evaluation bench apps", None),
     ("apps/bench", "sim envs datasets policy trainer evaluation bench apps/commands.h apps/options apps/bench", None),
     *((f"apps/{room}", f"sim envs datasets policy trainer evaluation apps/commands.h apps/options apps/{room}", None)
-      for room in "options sound scene dataset training board".split()),
+      for room in "options sound scene dataset reference training board".split()),
 ]
 # Headers of libraries, and the files that may include them.
 OWNED = [

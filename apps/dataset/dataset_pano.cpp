@@ -9,6 +9,7 @@
 #include "datasets/rir_corpus.h"
 #include "datasets/rir_corpus_room.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {

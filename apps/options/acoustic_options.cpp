@@ -9,19 +9,27 @@
 
 #include "sim/acoustics/accuracy/accuracy_plan.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/config_reader.h"
+#include "sim/base/text/listed.h"
 
 namespace earshot {
+namespace {
+
+/// The keys of --set, as their reader declares them.
+std::string settings_help() {
+  std::vector<std::string> switches, others;
+  for (const ConfigKey& key : keys_of<AcousticConfig>()) (key.type == KeyType::choice ? switches : others).push_back(key.name);
+  return "Override a key of the preset: key=value; may be repeated. 'earshot config KEY' explains a key. Switches (auto|on|off): " +
+         listed(switches, " ") + ". Values: " + listed(others, " ");
+}
+
+}  // namespace
 
 void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
   preset = default_preset;
   scene.add_to(command);
   command.add_option("--preset", preset, "Quality preset: fast (training), balanced or high (reference)")->capture_default_str();
-  command.add_option("--set", settings,
-                     "Override a key of the preset: key=value; may be repeated. Switches (auto|on|off): direct early late air_absorption "
-                     "diffraction transmission. Numbers: rays source_rays (above 0: bidirectional) source_bounces max_bounces early_order "
-                     "early_candidate_rays diffraction_order diffraction_edge_m diffraction_paths diffraction_reflections "
-                     "transmission_walls scattering specular_exponent (0: mirror) diffuse_last_segment source_radius_m rir_length_s "
-                     "time_bin_s late_decode_s glide_paths bands (0: octaves) sh_order sample_rate_hz seed threads (0: all)");
+  command.add_option("--set", settings, settings_help());
   command
       .add_option("--channels", channels,
                   "Listener: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN order), or array:FILE (YAML or JSON "

@@ -14,6 +14,7 @@
 #include "sim/acoustics/model/effect_plan.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/listed.h"
 #include "sim/nav/navmesh.h"
