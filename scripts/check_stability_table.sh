@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Every hard case H-1 to H-75 has a row in docs/evidence/stability.md, and every test that the page names exists in tests/.
+# Every hard case H-1 to H-75 has a row in docs/evidence/stability.md, and every test that this page or docs/evidence/precision.md names exists
+# in tests/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 page=docs/evidence/stability.md
+pages=("$page" docs/evidence/precision.md)
 failed=0
 for case in $(seq 1 75); do
   grep -qE "^\|[^|]*\bH-$case\b[^|]*\|" "$page" || { echo "$page: no row for H-$case"; failed=1; }
@@ -13,10 +15,10 @@ done
 defined=$(grep -rhoE '^(TEST|TEST_F|TEST_P)\([A-Za-z0-9_]+, *[A-Za-z0-9_]+\)' tests | sed -E 's/^TEST(_F|_P)?\(//; s/, */./; s/\)$//')
 suites=$(cut -d. -f1 <<<"$defined" | sort -u)
 # Names stand in backquotes in the last column of a table.
-named=$(grep -E '^\|' "$page" | awk -F'|' '{print $(NF-1)}' | grep -oE '`[A-Za-z0-9_.]+`' | tr -d '`' | sort -u || true)
+named=$(grep -hE '^\|' "${pages[@]}" | awk -F'|' '{print $(NF-1)}' | grep -oE '`[A-Za-z0-9_.]+`' | tr -d '`' | sort -u || true)
 for name in $named; do
   if [[ $name == *.* ]]; then list=$defined; else list=$suites; fi
-  grep -qxF "$name" <<<"$list" || { echo "$page: no such test: $name"; failed=1; }
+  grep -qxF "$name" <<<"$list" || { echo "$page or precision.md: no such test: $name"; failed=1; }
 done
 
 count=$(grep -cE '^\| *[A-Z]' "$page" || true)

@@ -21,7 +21,7 @@
 #include "tests/support/acoustics/late_field.h"
 
 /// How much float would cost, and what is left of it: each quantity against the same in double or long double.  The numbers are in
-/// docs/evidence/stability.md; RecordProperty writes them to the XML of a run.
+/// docs/evidence/precision.md; RecordProperty writes them to the XML of a run.
 namespace earshot {
 namespace {
 

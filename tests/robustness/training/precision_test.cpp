@@ -1,5 +1,5 @@
 // Where float32 is not enough: what training does in double against the same in long double, and what float32 would have given.  The errors
-// that docs/evidence/stability.md quotes are printed.
+// that docs/evidence/precision.md quotes are printed.
 #include <gtest/gtest.h>
 
 #include "tests/support/workers/fault_bench.h"
