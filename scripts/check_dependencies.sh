@@ -37,7 +37,7 @@ has_alternative() {
 
 declare -A header_of  # by the file's path
 # Headers of the C++ library have neither folder nor ending.
-for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | grep -vE '^(nanobind/|Python\.h$|pyconfig\.h$)' | sort -u); do
+for header in $(git ls-files '*.h' '*.cpp' | xargs grep -hoE '^ *# *include *<[^>]+[./][^>]*>' | sed -E 's/.*<(.*)>/\1/' | grep -vE '^(earshot/|nanobind/|Python\.h$|pyconfig\.h$)' | sort -u); do
   if file=$(find_header "$header"); then
     header_of[$file]=$header
   elif ! has_alternative "$header"; then

@@ -13,7 +13,7 @@ namespace earshot {
 std::string reference_text(const std::vector<ConfigKind>& reference, std::size_t width);
 /// What a key, a section or a kind of file is, in every kind that has it; empty if none has.
 std::string key_text(const std::vector<ConfigKind>& reference, const std::string& name, std::size_t width);
-/// The page docs/reference/config.md.
+/// The page of the documentation site on config keys.
 std::string reference_markdown(const std::vector<ConfigKind>& reference);
 /// Every key with its declaration, with a schema_version.  name: only the keys that it stands for or that lie in it; empty: all.
 std::string reference_json(const std::vector<ConfigKind>& reference, const std::string& name);
