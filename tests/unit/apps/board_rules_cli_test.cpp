@@ -104,7 +104,7 @@ TEST_F(BoardRulesCli, NothingIsWrittenWhereAPolicySays) {
 TEST_F(BoardRulesCli, WhatNeverEndsOrGrowsIsRefusedAtOnce) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   const auto at_once = [&](const std::string& arguments, const testing::Matcher<std::string>& line) {
-    const std::string said = bash("ulimit -v 6000000; timeout 100 " + earshot_program().string() + " " + arguments + "; echo code $?");
+    const std::string said = bash("ulimit -v 6000000; timeout 300 " + earshot_program().string() + " " + arguments + "; echo code $?");
     EXPECT_THAT(said, AllOf(line, HasSubstr("code 2\n"))) << arguments;
   };
   for (const std::string& file : {path("pipe"), std::string("/dev/zero")}) {
