@@ -7,8 +7,10 @@
 #include <new>
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <thread>
 
+#include "sim/base/errors.h"
 #include "tests/support/envs/vector_semantics.h"
 #include "tests/support/wait_for_flag.h"
 
@@ -145,6 +147,25 @@ TEST_F(VectorSemantics, AnyExceptionIsContainedInItsEnv) {
       ++faults;
       EXPECT_EQ(env.quarantine_counters().total(), faults);
     }
+}
+
+// Memory that is gone for good is no fault of an episode: the batch ends with one line, and does not quarantine for ever.
+TEST_F(VectorSemantics, MemoryThatIsGoneForGoodEndsTheBatch) {
+  config_.threads = 2;
+  BatchedEnv env = make(3, config_);
+  std::atomic<bool> is_armed{false};
+  env.set_stage_hook([&](const StageOutput&, std::span<float>) {
+    if (is_armed) throw std::bad_alloc();
+  });
+  env.reset();
+  is_armed = true;
+  std::string reason = "none";
+  for (int index = 0; index < 200 && reason == "none"; ++index) try {
+      env.step(std::vector<std::int32_t>{test_action(0, index), test_action(1, index), test_action(2, index)});
+    } catch (const RunError& error) {
+      reason = error.what();
+    }
+  EXPECT_NE(reason.find("out of memory"), std::string::npos) << reason;
 }
 
 // The stage hangs while the first episode begins: the env takes no part in the steps that follow, nor in what is counted, and comes back.
