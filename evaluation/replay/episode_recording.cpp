@@ -187,7 +187,9 @@ class Recorder {
 /// The first number of the row that its actions do not give, in words; empty: they give all.
 std::string difference(const EpisodeMetrics& claimed, const EpisodeMetrics& now) {
   const auto same = [](double a, double b) { return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b); };
-  const auto differs = [](const char* name, double a, double b) { return fmt::format("claims {} = {}, its actions give {}", name, a, b); };
+  const auto differs = [](const char* name, double a, double b) {
+    return fmt::format("reports {} = {}, but its actions give {}", name, a, b);
+  };
   if (claimed.steps != now.steps) return differs("steps", claimed.steps, now.steps);
   if (!same(claimed.success, now.success)) return differs("success", claimed.success, now.success);
   if (!same(claimed.spl, now.spl)) return differs("spl", claimed.spl, now.spl);
