@@ -212,6 +212,7 @@ void Environment::begin_next_episode(HearingEngines* engines) {
   const Episode& last = parts_.setup.set->episodes[lead.episode_index];
   const FaultReport fault = *run_.fault();
   go_idle();
+  parts_.faults.stop_if_out_of_memory();
   throw InputError("episode set",
                    fmt::format("{} episodes in a row could not start, the last one because of its {}: episode '{}' in {}: {}", kMaxDraws,
                                name_of(fault.fault), last.episode_id, last.scene_id, fault.detail),

@@ -72,10 +72,14 @@ FinishedEpisode FaultDesk::failed_episode(const Agent& agent, const FaultReport&
   return failed;
 }
 
-void FaultDesk::stop_if_none_begins(std::span<const std::uint8_t> active) const {
+void FaultDesk::stop_if_out_of_memory() const {
   if (out_of_memory_ >= kMostOutOfMemory)
     throw RunError("environments",
                    fmt::format("are out of memory: {} stages of episodes could not have what they need", out_of_memory_.load()));
+}
+
+void FaultDesk::stop_if_none_begins(std::span<const std::uint8_t> active) const {
+  stop_if_out_of_memory();
   if (begun_ > 0 || failed_starts_ < std::min<std::uint64_t>(kHopelessStarts, setup_->set->episodes.size())) return;
   if (std::ranges::any_of(active, [](std::uint8_t flag) { return flag != 0; })) return;
   const QuarantineCounters by_reason = counters();

@@ -53,8 +53,9 @@ class FaultDesk {
 
   void count_begun() { ++begun_; }
   void count_failed_start() { ++failed_starts_; }
-  /// Throws InputError where none of many episodes could begin and no env has one, and RunError where so many were out of memory that no
-  /// end of it is to be expected.  active: [rows].
+  /// Throws RunError where so many stages were out of memory that no end of it is to be expected.
+  void stop_if_out_of_memory() const;
+  /// The same; throws InputError where none of many episodes could begin and no env has one.  active: [rows].
   void stop_if_none_begins(std::span<const std::uint8_t> active) const;
 
  private:

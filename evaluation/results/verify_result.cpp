@@ -53,9 +53,8 @@ void check_head(const EvaluationResult& result, const std::string& where, const 
                      "same numbers from this build");
   const std::size_t episodes = result.episodes.size(), whole = set.episodes.size();
   if (episodes > whole) refuse(fmt::format("has {} episodes, but its set has {}", episodes, whole));
-  if ((episodes < whole || !result.partial_of.empty()) && !config.partial)
-    refuse(fmt::format("is partial: it covers {} of the {} episodes of its set", episodes, whole));
   if (episodes == whole && !result.partial_of.empty()) refuse("is marked as partial, but covers all episodes of its set");
+  if (episodes < whole && !config.partial) refuse(fmt::format("is partial: it covers {} of the {} episodes of its set", episodes, whole));
 }
 
 void check_set_hash(const EvaluationResult& result, const std::string& where, const EpisodeSet& set) {

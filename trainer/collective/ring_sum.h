@@ -18,7 +18,7 @@ namespace earshot {
 /// The error of a peer that makes another call than this worker.
 inline RunError call_mismatch(int rank, const FrameHeader& got, Operation operation, std::size_t total) {
   return {worker_name(rank),
-          fmt::format("calls {} with {} bytes where this worker calls {} with {} bytes; do all workers run the same program and config?",
+          fmt::format("calls {} with {} bytes, but this worker calls {} with {} bytes; start all workers with the same program and config",
                       name_of(got.operation), got.total, name_of(operation), total)};
 }
 

@@ -29,7 +29,7 @@ TEST_F(BoardCli, AKilledWorkerEndsTheEvaluationWithOneLine) {
            " & pid=$!\n"
            "for i in $(seq 400); do read -r worker rest </proc/$pid/task/$pid/children; [ -n \"$rest\" ] && break; sleep 0.02; done\n"
            "kill -9 $worker; wait $pid; echo code $?\n");
-  EXPECT_THAT(said, AllOf(HasSubstr("was killed by signal 9"), HasSubstr("code 1\n")));
+  EXPECT_THAT(said, AllOf(HasSubstr("was killed by signal 9"), HasSubstr("code 3\n")));
   EXPECT_EQ(std::ranges::count(said, '\n'), 2) << said;  // the error and the code
   EXPECT_FALSE(std::filesystem::exists(path("result.json")));
   // What is wrong with the input is said once, before any worker starts.

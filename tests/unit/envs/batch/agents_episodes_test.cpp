@@ -186,7 +186,7 @@ TEST(EpisodeSet, AgentsAreReadAndWritten) {
   EXPECT_EQ(episode_set_hash(read.episodes), episode_set_hash({episode}));
   const auto refusal = [&](const std::string& from, const std::string& to) { return refusal_of_changed(episode, from, to); };
   EXPECT_THAT(refusal("\"level_db\":-6.0", "\"level_db\":-600.0"), testing::HasSubstr("agents[0].level_db"));
-  EXPECT_THAT(refusal("\"level_db\":-6.0", "\"loudness\":-6.0"), testing::HasSubstr("agents[0].loudness is no key"));
+  EXPECT_THAT(refusal("\"level_db\":-6.0", "\"loudness\":-6.0"), testing::HasSubstr("agents[0].loudness is not a key"));
   EXPECT_THAT(refusal("\"sound\":\"synth:bird\"", "\"sound\":\"\""), testing::HasSubstr("agents[0].sound is empty"));
   EXPECT_THAT(refusal("\"sound\":\"synth:bird\",", ""), testing::HasSubstr("has no effect without"));
   EXPECT_THAT(refusal("[0.0,1.0,0.0,0.0]", "[0.0,0.0,0.0,0.0]"), testing::HasSubstr("zero quaternion"));

@@ -245,7 +245,7 @@ TEST(EpisodeSet, SourcesAndGoalsAreReadAndWritten) {
   EXPECT_EQ(episode_set_hash(read.episodes), episode_set_hash({episode}));
   const auto refusal = [&](const std::string& from, const std::string& to) { return refusal_of_changed(episode, from, to); };
   EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset_s\":-1"), testing::HasSubstr("sources[0].onset_s"));
-  EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset\":2.5"), testing::HasSubstr("sources[0].onset is no key"));
+  EXPECT_THAT(refusal("\"onset_s\":2.5", "\"onset\":2.5"), testing::HasSubstr("sources[0].onset is not a key"));
   EXPECT_THAT(refusal("[2.5,7.0", "[1.5,7.0"), testing::HasSubstr("sources[1].path[1]"));
   EXPECT_THAT(refusal("\"loop\":false", "\"loop\":0"), testing::HasSubstr("true or false"));
   EXPECT_THAT(refusal("\"level_db\":-6.0", "\"level_db\":1e9"), testing::HasSubstr("level_db"));

@@ -137,7 +137,7 @@ TEST_F(HeadFiles, ExchangedDataAreKeptAndNamed) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
   // The log is on the standard output of this command.
   EXPECT_THAT(outcome.output + outcome.errors,
-              testing::ContainsRegex("head.sofa: a source on the left is [^\n]* louder [^\n]* at the right ear: check whether"));
+              testing::ContainsRegex("head.sofa: a source on the left is [^\n]* louder [^\n]* at the right ear; check whether"));
 }
 
 TEST_F(HeadFiles, ASourceTakesTheSphereOfItsDistance) {

@@ -139,7 +139,7 @@ TEST(ResourceNeed, IsRefusedBeyondTheMachine) {
   EXPECT_THAT(refusal({}, 33, machine), AllOf(HasSubstr("33 workers: are more"), HasSubstr("2 cores")));
   EXPECT_THAT(refusal({"rollout_steps=2000000000"}, 1, machine), AllOf(HasSubstr("rollout_steps = 2000000000"), HasSubstr("17.2 GB")));
   EXPECT_THAT(refusal({"envs_per_worker=100000000", "rollout_steps=1"}, 1, machine), HasSubstr("envs_per_worker = 100000000"));
-  EXPECT_THAT(refusal({"policy.hidden_size=100000"}, 1, machine), HasSubstr("policy.hidden_size = 100000"));
+  EXPECT_THAT(refusal({"policy.hidden_size=8192"}, 8, machine), HasSubstr("policy.hidden_size = 8192"));
   EXPECT_THAT(refusal({}, 1, {.memory_bytes = 0, .process_bytes = 50'000'000, .cores = 2}), HasSubstr("the limit (ulimit -v) is 50 MB"));
   EXPECT_EQ(refusal({}, 1, {.memory_bytes = 0, .cores = 1}), "no error");
   const MachineLimits here = machine_limits();
