@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // earshot: the commands that do without libtorch, which takes longer to load than most of them take.  It passes all other commands to
 // earshot_training, which has every one.
 

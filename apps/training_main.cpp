@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // earshot_training: all commands of earshot, which starts it for those that need libtorch, for the help, and for words that it does not
 // know.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What lies below the libraries, for the build and, installed beside EarshotConfig.cmake, for projects that use them.  The parts are sim, envs,
 # policy and trainer; each needs the parts before it.  Every package is Debian's; docs/dependencies.md says why each.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Compiles on another machine for Debian on arm64, with Debian's cross compiler (package g++-12-aarch64-linux-gnu):
 #   cmake -DCMAKE_TOOLCHAIN_FILE=cmake/aarch64.cmake -DEARSHOT_SYSROOT=FOLDER ...
 # EARSHOT_SYSROOT: the root of a Debian of arm64 with the packages that Earshot needs (scripts/arm64.sh makes one).  Nothing but programs is looked

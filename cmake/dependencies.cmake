@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # All headers are looked for before any package, so that one line names everything that is missing.
 include(${CMAKE_CURRENT_LIST_DIR}/EarshotDependencies.cmake)
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake --install: the program, those that it starts, the public headers (include/earshot), the libraries, and what find_package(Earshot) reads.
 # One export set per part, so that a user of scenes and environments needs neither torch nor zmq.  A part is a library with public headers and the
 # engine's libraries below it, which have none.  Components: `program` (what cmake/packaging.cmake puts into the .deb) and `development`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 option(EARSHOT_JOIN_SOURCES
        "Compile the sources of a folder in groups, for a build from nothing in two thirds of the time; a changed source takes its group along" OFF)
 

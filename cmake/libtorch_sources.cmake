@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Which sources need libtorch: those that include one of its headers, or a header of ours that includes one or is named torch_*.  The others
 # build and start without it (docs/explanation/decisions.md).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cpack: a .deb with the program (component `program` of cmake/install.cmake), without headers and libraries.  scripts/build_deb.sh runs it.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME earshot)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Compile flags that every target of ours shares.  Linked PRIVATE, so nothing leaks to a user of the library.
 add_library(project_flags INTERFACE)
 

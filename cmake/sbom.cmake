@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The software bill of materials of the program with all commands, beside it and in what is installed (component `program`).  Where dpkg is not the package manager there
 # is none.
 find_program(EARSHOT_DPKG_QUERY dpkg-query)

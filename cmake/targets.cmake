@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What most sources read: parsing these headers is half of the time to compile one.
 set(EARSHOT_COMMON_HEADERS <fmt/format.h> <glm/glm.hpp> <algorithm> <array> <cmath> <filesystem> <fstream> <functional> <map> <memory> <mutex>
     <numbers> <optional> <set> <span> <sstream> <string> <vector>)

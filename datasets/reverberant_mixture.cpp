@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "datasets/reverberant_mixture.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "datasets/rir_corpus_room.h"
 
 #include <fmt/format.h>

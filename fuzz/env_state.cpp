@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state of the environments inside a checkpoint: as it is, or behind a checksum that is right.
 #include "envs/batch/env_state.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Episode sets, JSON or gzipped JSON.
 #include "envs/episodes/episode_set.h"
 #include "envs/episodes/gzip.h"

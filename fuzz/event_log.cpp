@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The event log that a resumed run reads.
 #include "trainer/curves/event_log.h"
 

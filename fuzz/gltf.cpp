@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF and GLB through gltf_reader.h, the mesh builder and the repair.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/readers/mesh_import.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Directivity balloons and microphone arrays.
 #include <cmath>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files in the folder of source fields: as they are, or behind a header whose sizes and hash are right.
 #include "sim/base/image_store.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a launcher says in environment variables: host lists, and whole sets of variables, one NAME=VALUE per line.
 #include "fuzz/fuzz_target.h"
 #include "trainer/launch/hostlist.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Material databases, in each of the ways to read them.
 #include "sim/scene/materials/materials.h"
 

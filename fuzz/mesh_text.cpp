@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OBJ, PLY and STL through their readers, with and without looks; material libraries of OBJ.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/readers/obj_materials.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A config with overrides from the command line: lines of `key=value` before an empty line, then the YAML.  Every type of a key
 // is read, and the text that checkpoints hold is written and read again.
 #include "fuzz/fuzz_target.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Policy files and checkpoints, as far as they are read before a network is made.  Their hash is made right again, so that damage reaches
 // what lies behind it.
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Private sets: whatever names a set binds its content, and reading it ends.
 #include "evaluation/leaderboard/private_set.h"
 

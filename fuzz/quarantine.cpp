@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of quarantined episodes, which `earshot replay` reads.
 #include "envs/batch/quarantine.h"
 

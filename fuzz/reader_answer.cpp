@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a damaged reader process may send: the frame of the answer, then the responses of a head.
 #include "fuzz/fuzz_target.h"
 #include "sim/audio/head/sofa_reader.h"

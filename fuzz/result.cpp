@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Result files and the leaderboard that is made of them.
 #include "evaluation/results/result.h"
 

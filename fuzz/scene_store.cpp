@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What lies in the folder of preprocessed scenes behind headers whose sizes and hashes are right: a scene, its acoustics, a navmesh.
 #include "fuzz/fuzz_target.h"
 #include "sim/acoustics/model/acoustic_image.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scene YAML.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/scene_config.h"

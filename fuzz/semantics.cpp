@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Materials of semantic categories.
 #include "fuzz/fuzz_target.h"
 #include "sim/scene/materials/semantic_materials.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // WAV, FLAC and OGG through libsndfile and the resampler.
 #include <cmath>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Short texts that name things: shoebox:, synth:, listener layouts.
 #include "fuzz/fuzz_target.h"
 #include "sim/audio/dry_sounds/sound_clip.h"

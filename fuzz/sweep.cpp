@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sweep files.
 #include "evaluation/leaderboard/sweep.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of meshes through texture.h: PNG and JPEG, and coordinates of any size.
 #include "sim/scene/texture.h"
 

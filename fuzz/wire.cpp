@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What arrives at the ports of the trainer: the hellos and tables of the rendezvous, goodbye messages, headers of data frames.
 #include "trainer/net/wire.h"
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/arm64.sh [STEP...]
 # Builds Earshot for arm64 on a machine of another kind, with Debian's cross compiler, and runs it under qemu (user mode).  Without STEP: all of them.
 #

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/bare_machine.sh [--release NAME] [--keep] [COMMAND]
 # Tries Earshot as a new user meets it: installs the smallest Debian into a folder, clones HEAD there (uncommitted changes are left out, and no
 # test data lie beside the clone), and runs COMMAND in the clone as root.  Exit status: the command's; 2 if the root cannot be made.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Samples per second of one PPO update of the network that REQUEST describes, in torch as it is installed, on one thread.
 
 Usage: bench_learner_torch.py REQUEST.json       (written by `earshot bench train`)

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/build.sh [PRESET] [--target NAME...] [-- CTEST ARGUMENTS...]
 # Configures and builds one preset (release, ci, debug, asan-ubsan, asan-ubsan-training, tsan, coverage; default release) or the
 # named targets of it, with ccache where it is installed; ci is release without the slow tests and the small benchmarks, in the

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/build_deb.sh [BUILD FOLDER]
 # Makes a .deb with the program of a build (default build/release) for the distribution of this machine, in BUILD FOLDER/deb, and prints its path and size.
 # It holds the programs, configs, documents, the manual page, completion for bash and zsh, and the licence.  What it depends on is what

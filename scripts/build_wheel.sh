@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/build_wheel.sh [PYTHON...]
 # scripts/build_wheel.sh --compiled FOLDER
 # Builds the Python package into build/wheel: wheels that bring every library they need but those of the C and C++ run time, with their licences and

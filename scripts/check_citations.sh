@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Tracked files cite only what the repository holds: no document outside it is named, every page of docs/ that is named exists, and every place
 # on it: a section N (a heading "N" or "N.M"), docs/evidence/oracles.md, O-N (a heading), docs/evidence/stability.md, H-N (a row).
 set -euo pipefail

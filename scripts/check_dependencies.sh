@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Fails if a header that the sources include by <...> belongs to no package of scripts/setup.sh, or a package that CMake names to the user is not
 # in scripts/setup.sh, or docs/dependencies.md lacks a package of scripts/setup.sh or has another version or licence.  nanobind, which python/ includes, comes from the Python package index (pyproject.toml), and Python.h from the Python of the
 # build.  Ends with 77 (skipped) where dpkg is not the package manager.

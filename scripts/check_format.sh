@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Fails if a source file differs from what clang-format 14 makes of it (.clang-format).  scripts/check_format.sh --fix rewrites them.
 # Where the distribution has another version, clang-format 14 comes from the Python package index, into build/format_tools; ends with 77 (skipped)
 # and one line where that cannot be reached.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/check_image.sh DEB
 # Makes a root of Debian 13, runs the steps of the Dockerfile's last stage in it with this .deb, and prints what the image would take and the seconds
 # that the steps took.  Then the user of the image runs `earshot doctor` and a response there.  Fails if the root has 600 MB or more, or the user is root.

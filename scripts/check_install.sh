@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/check_install.sh [BUILD FOLDER]
 # Installs a finished build (default build/release) under a temporary prefix, builds examples/ against it (one for each public header), runs them and
 # the installed program, and looks into what they print and write.

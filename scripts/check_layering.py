@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """check_layering.py [ROOT]: fails on any include against the arrows, on a library header outside the folder that owns it, on a folder of sources
 without a README.md that says what it holds, on a folder of more than 35 sources and on a source of more than 500 lines.
 

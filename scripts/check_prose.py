@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Measures how the documentation reads: words, long sentences, long lines.
 
 check_prose.py [--report] [FILE...]   (default: README.md and every page of docs/ but the generated ones of docs/figures)

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Every hard case H-1 to H-75 has a row in docs/evidence/stability.md, and every test that this page or docs/evidence/precision.md names exists
 # in tests/.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The version of Earshot stands in CMakeLists.txt.  Fails if CHANGELOG.md has no section of it, if CITATION.cff has another version or another date
 # than that section, or if a further tracked file states it: there it would be forgotten at the next release.
 # scripts/check_version.sh --print prints the version.

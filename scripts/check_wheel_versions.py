@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """check_wheel_versions.py WHEEL...: is each library that a wheel ships as new as the newest one that apt offers, Debian's security suite included?
 
 Prints a line per library with its package, the version in the wheel and the newest one.  Reads the bill of materials inside the wheel, and what

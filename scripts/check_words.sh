@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Fails on a private word where the field has one of its own (docs/reference/glossary.md), so that a search for the standard term finds the code.
 # Each row: a Perl regular expression and the term to use.  Legs of furniture are exempt.  Words with a second, ordinary meaning are given by the
 # phrases and identifiers in which they have the private one.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/coverage.sh [CTEST ARGUMENTS...]
 # Builds the preset `coverage` (g++), runs its tests (all but the slow and long ones, or those that the arguments choose) and
 # prints, by folder, how many lines of code they run.  build/coverage/lines.txt has a row per source.

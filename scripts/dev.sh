@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Edit, build, test: builds only the test programs that WHAT needs, and runs only its tests.
 #
 #   scripts/dev.sh WHAT...                 for example:

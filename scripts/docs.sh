@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Builds the documentation site: build/docs/html/index.html, which needs no network to read.
 #
 #   scripts/docs.sh            build what has changed

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Draws an episode as an SVG picture: the plan of the house, the path of the agent, and the level of the sound at both ears.
 
 draw_episode.py PAGE.html OUT.svg        PAGE: a page of `earshot replay ... --html`

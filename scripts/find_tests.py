@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """find_tests.py BUILD WHAT...: the test programs and tests that concern WHAT, one line each: "TARGET FILTER" (scripts/dev.sh runs them).
 
 WHAT is one of

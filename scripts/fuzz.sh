@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/fuzz.sh [--quick] [SECONDS] [TARGET...]
 # Builds the fuzz targets (in the preset asan-ubsan) and runs them, all, those of CI (--quick) or the ones named, for SECONDS in all (default 60),
 # as many at once as there are cores.  Prints one row per target and exits with 1 if there is a finding; its input is kept in build/fuzz/findings, to be run again with

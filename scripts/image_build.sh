@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/image_build.sh FOLDER
 # First stage of the Dockerfile: installs what a build needs, builds the program, and puts its .deb into FOLDER.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/image_runtime.sh FOLDER
 # Last stage of the Dockerfile: installs the .deb of FOLDER with the libraries that it needs, adds the user earshot, and removes FOLDER and the lists
 # and packages of apt.

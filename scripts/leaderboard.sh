@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Evaluates agents on a benchmark, verifies their results, ranks them and makes replays.
 #   scripts/leaderboard.sh [--private SET] BENCHMARK AGENT...
 #   BENCHMARK  name of a file in configs/benchmarks ("quick"), or a path
@@ -17,7 +18,7 @@ if [ "${1:-}" = --private ]; then
   shift $(($# > 1 ? 2 : 1))
 fi
 if [ $# -lt 2 ]; then
-  sed -n '2,11s/^# \{0,1\}//p' "$0" >&2
+  sed -n '3,12s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 benchmark=$1

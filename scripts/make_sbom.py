@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a software bill of materials (CycloneDX 1.5, JSON).
 
 make_sbom.py program FILE --version V [--strict] -o OUT

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/release.sh [--check] [--debs FOLDER]
 # Checks that this checkout can be released, and builds what a release consists of into build/dist: the source distribution, wheels, the .deb of this
 # distribution, the bill of materials of the program (SBOM) and SHA256SUMS.  Uploads nothing and sets no tag; it prints how.

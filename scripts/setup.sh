@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Installs every package that Earshot needs on Debian 12 and 13.  Run as root, or with sudo available.  Safe to run again.
 # On a derivative of Debian (ID_LIKE in /etc/os-release) it installs the same packages in the versions offered there.  On other systems it installs
 # nothing: it names the headers that are missing, if any, and the Debian packages that hold them.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/soak.sh [OPTIONS of `earshot bench soak`]
 # A million environment steps through 200 generated scenes, hard ones among them: about 25 minutes on two quiet cores.  Watches memory,
 # observations, heard energy and step times; report, numbers and plot go to $EARSHOT_SOAK_OUT (default runs/soak).  Exit code 1 if a bound

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/summarize_tests.sh JUNIT.xml...
 # Sums up what ctest --output-junit wrote (one file per preset): which test data were absent and how many tests each file cost, which tests failed and
 # in what assertion (at the very end, where a cut log still has them), then one line: tests, failures, skips.  A test that ran under several presets

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/test.sh [full|quick|all]
 #   full   (default; what CI runs) format, clang-tidy on changed lines (begins no file after 20 s; `all` looks at all of them), the release
 #          build and its tests but the slow and long ones, those of the Python package and the documentation site (both skipped with

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/test_python.sh [--wheel] [PYTEST ARGUMENTS...]
 # Checks formatting, types and behaviour of the Python package, with gymnasium's and pettingzoo's own checks, in an environment of its own
 # (build/python_tests).  What is tested is the extension as a target of the release build, which takes sim and envs from there, or with --wheel the

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """scripts/tidy.py [--since COMMIT] [--seconds N]: clang-tidy 14 (.clang-tidy) on the lines that changed.
 
 Looks at each source with a changed line, and at the source beside each header with one, and fails on a finding in a changed line.

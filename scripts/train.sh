@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # scripts/train.sh [--overwrite | --resume] [CONFIG] [key=value...]
 # The main job on a bare machine: install, build, generate houses and episodes, train with the config's workers, evaluate the checkpoint on
 # held-out houses and sounds beside five baselines, verify the results, print the leaderboard and write pages: the leaderboard, and the best,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "apps/options/number_range.h"
 
 #include <charconv>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "apps/options/timed_path.h"
 
 #include <fmt/format.h>

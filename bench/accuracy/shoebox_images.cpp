@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/accuracy/shoebox_images.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Question: what does the sound of one agent cost per step, stage by stage, once its source field is built?
 #include <benchmark/benchmark.h>
 

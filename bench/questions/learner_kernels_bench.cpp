@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Question: which hand-written kernels of the learner are faster than those of the installed libtorch?  (docs/evidence/learner_speed.md)
 // Names are KERNEL/CONFIG/IMPLEMENTATION/PASS.  --benchmark_enable_random_interleaving=true measures the implementations in turn.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Question: does a step cost more when the sound and the room die away through the denormals than when there is noise?
 // (docs/evidence/stability.md, H-39)
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/speed/bare_ray_rates.h"
 
 #include <algorithm>

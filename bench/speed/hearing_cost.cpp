@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/speed/hearing_cost.h"
 
 #include <fmt/format.h>

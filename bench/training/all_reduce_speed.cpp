@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/training/all_reduce_speed.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/training/learner_speed.h"
 
 #include <fmt/format.h>

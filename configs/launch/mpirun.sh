@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Trains with Open MPI's mpirun:
 #   configs/launch/mpirun.sh NUM_WORKERS CONFIG [key=value]...
 # On several hosts (docs/howto/hosts.md) set

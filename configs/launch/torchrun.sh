@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Trains with torchrun.  Run the same command on each host:
 #   configs/launch/torchrun.sh NUM_WORKERS_PER_HOST CONFIG [key=value]...
 # On several hosts (docs/howto/hosts.md) set

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/episodes/agent_scenario.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/episodes/sound_scenario.h"
 
 #include <algorithm>

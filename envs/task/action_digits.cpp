@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/task/action_digits.h"
 
 #include "envs/task/action.h"

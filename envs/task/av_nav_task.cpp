@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/task/av_nav_task.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/leaderboard/private_set.h"
 
 #include <fmt/format.h>

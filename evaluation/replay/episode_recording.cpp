@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/replay/episode_recording.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "evaluation/results/split_overlap.h"
 
 #include <algorithm>

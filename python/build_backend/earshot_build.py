@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The build backend of the package: scikit-build-core, after a look for the headers that the build reads.
 
 Where headers are missing, the hooks that build end with one line that names the Debian packages to install; CMake would say

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Earshot: agents that see and hear.
 
 Room impulse responses between points of a scene::

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the vector environment and the one of several agents share: a batch of the engine, its arrays and its spaces."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenes, sources and responses: room impulse responses, their paths and room-acoustic parameters, as numpy arrays.
 
 Positions are metres in the coordinates of the scene's file, y up; angles degrees, headings counter-clockwise from -z seen from above.

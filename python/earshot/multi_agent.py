@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several agents in one scene as a pettingzoo.ParallelEnv."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Batches of environments as a gymnasium.vector.VectorEnv."""
 
 from __future__ import annotations

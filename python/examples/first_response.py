@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hear a generated house: three lines from a scene to a binaural room impulse response."""
 
 import earshot

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PPO in one file (Schulman et al. 2017), in the manner of CleanRL: an agent walks to a sound in small houses.
 
     pip install earshot-rl[gym] torch

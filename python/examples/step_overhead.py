@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What Python adds to a step of 32 envs: processor time of the calling thread in envs.step beside that in the engine.
 
 python step_overhead.py [STEPS]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The extension module earshot._processor, which the package imports before the engine: where the processor lacks what the engine is
 // compiled for, it raises ImportError.  The engine cannot do that itself: its first such instruction runs while it is loaded.
 #include <pyconfig.h>

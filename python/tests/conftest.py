@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A small house with small pictures: seconds for the whole suite."""
 
 from __future__ import annotations

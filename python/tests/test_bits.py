@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One hash for 100 poses and one for 200 steps: those of the C++ test (tests/pinned/promise_test.cpp) and of the command line."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """gymnasium's own checks, and what its documentation asks of every autoreset mode.
 
 check_env takes a gymnasium.Env alone, and gymnasium has no checker of vector environments: check_env sees a batch of one behind an Env.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs pyroomacoustics as an engine of `earshot bench accuracy` (docs/evidence/accuracy.md, the protocol of --engine).
 
 pyroomacoustics_engine.py [--method hybrid|images] REQUEST.json

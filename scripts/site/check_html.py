@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """check_html.py FOLDER: fails if a page of the built site links to a page, file or anchor that is not there, or loads anything over the network."""
 
 import html.parser

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """commands.py PROGRAM FOLDER: writes a page for each command of the program from what it prints with --help."""
 
 import concurrent.futures

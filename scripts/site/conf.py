@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sphinx configuration of the site.  scripts/docs.sh assembles the pages and names folders and version in the environment."""
 
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """config_keys.py PROGRAM PAGE: writes the page of config keys that `PROGRAM config --markdown` prints."""
 
 import pathlib

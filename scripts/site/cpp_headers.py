@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """cpp_headers.py FOLDER XML: Doxygen of the public headers into XML, and a page for each header into FOLDER.
 
 The public headers are include/earshot/*.h, or, in a tree without that folder, those that docs/howto/library.md names.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """header_filter.py HEADER: prints a header as Doxygen shall read it: what is said before its namespace is said of the file.
 
 Doxygen would put the comment before `namespace earshot` on the page of every header, as one namespace has them all.  The lines keep their numbers.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes generated pages, leaving those alone that are the same: Sphinx reads again what is newer than its last build."""
 
 import pathlib

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """pages.py FOLDER: copies the pages of docs/ and what they show into FOLDER, the source of the site.
 
 A page links to files of the repository as a reader of the repository sees them.  In the site a link to a file outside docs/, or to one that is

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """python_package.py PACKAGE VERSION PAGE: what autodoc imports, and the page that asks for it.
 
 PACKAGE becomes a copy of python/earshot in which the compiled modules are made from their type stubs (*.pyi), so that the page needs no build.

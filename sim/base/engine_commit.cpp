@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/base/engine_commit.h"
 
 #include "build_commit.inc"

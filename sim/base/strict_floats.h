@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 /// Floats must obey IEEE 754 here: every stage finds NaN and infinity with std::isfinite and drops them with a counter, and sums promise

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/nav/surface.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 // Owners of Embree's handles, for sim/rays alone: public headers show no type of Embree.

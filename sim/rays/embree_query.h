@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 // The two interfaces of Embree in one shape, for sim/rays alone.  Embree 3 takes flags and filter of a query in its context, Embree 4 in

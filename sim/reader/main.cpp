@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // earshot_reader: reads one file with a library that a damaged file can crash, or opens a driver that can crash, in a process of its own
 // (sim/base/process/isolated_call.h).
 #include "sim/audio/head/sofa_reader.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/base/errors.h"
 #include "sim/sofa/sofa_writer.h"
 

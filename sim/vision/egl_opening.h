@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 // Opening devices in this process, which a broken driver can end; for the process that probes them.

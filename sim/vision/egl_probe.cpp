@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of sim/vision/egl_device.h that asks another process.
 #include <fmt/format.h>
 

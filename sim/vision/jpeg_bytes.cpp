@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/vision/jpeg_bytes.h"
 
 #include <turbojpeg.h>

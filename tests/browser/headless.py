@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Debian's headless Chromium for the tests of pages; they end with 77 (skipped) without chromium, chromium-driver or python3-selenium."""
 import argparse
 import contextlib

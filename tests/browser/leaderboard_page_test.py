@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A page of `earshot leaderboard --html` in headless Chromium, opened from disk: what assistive technology gets, the keyboard, light and dark, narrow
 windows, and that nothing is asked of a network.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A page of `earshot replay --html` in headless Chromium, opened from disk: it plays, picture, map, house and sound keep step, the keyboard
 works, screen readers get each step in words, and the console stays empty.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One hash for 100 poses and one for 200 steps, over threads, fresh and restored; python/tests/test_bits.py compares with the same rows of
 // bits.csv and with `earshot rir`.
 #include <gtest/gtest.h>

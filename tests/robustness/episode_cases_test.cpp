@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hard cases of episodes and of walking: islands, goals that cannot be, corners, resets without end.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes far from the origin of their files are computed near it (docs/evidence/stability.md, H-9).
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the fuzz targets found, or what was found while they were written: the smallest input of each, as it stood.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

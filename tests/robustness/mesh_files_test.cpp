@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every file of shared/data/meshes_hard and scenes/formats: loads as stated, or is refused in one line as stated.
 
 #include <fmt/core.h>

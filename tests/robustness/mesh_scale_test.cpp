@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rooms of a decimetre and of ten kilometres, and files in another unit than they seem (docs/evidence/stability.md, H-10 to H-12).
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Leak rates over millions of bounces (docs/evidence/stability.md, H-17), and meshes of many triangles and of one that is far larger
 // (H-73).
 

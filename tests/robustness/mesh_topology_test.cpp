@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes whose triangles do not fit together as they should (docs/evidence/stability.md, H-7, H-8, H-17, H-19).
 
 #include <gmock/gmock.h>

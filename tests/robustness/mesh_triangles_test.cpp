@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Single triangles that are wrong, doubled, or lie on each other (docs/evidence/stability.md, H-1 to H-6).
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The long version of outside_parsers_test.cpp.
 #include "tests/support/files/outside_parsers.h"
 

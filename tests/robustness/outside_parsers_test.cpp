@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of others that are damaged: whatever the file, the run goes on.  SOFA is read by a library that a damaged file can crash.
 #include "tests/support/files/outside_parsers.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/batch/quarantine_replay.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes of one triangle and of none, material tables with odd entries, and text as other systems write it (docs/evidence/stability.md,
 // H-24 to H-28, H-70, H-72).
 

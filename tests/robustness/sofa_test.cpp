@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // H-61: measured heads whose files are unusual, incomplete or damaged.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hard cases of what is heard: clocks, fades, silence, jumps.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources and listeners exactly on walls, edges and corners (docs/evidence/stability.md, H-16), and rays that start there (H-17).
 
 #include <gtest/gtest.h>

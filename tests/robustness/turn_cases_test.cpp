@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hard cases of how a listener is turned: drift, poles, seams, a full circle.
 
 #include <gtest/gtest.h>

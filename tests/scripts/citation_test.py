@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """citation_test.py FILE: is a CITATION.cff valid?  By cffconvert where it is installed, and by the keys that every file of version 1.2.0 must have."""
 
 import importlib.util

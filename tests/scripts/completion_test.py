@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """completion_test.py PROGRAM: do completion for bash and zsh and the manual page hold all that --help shows?
 
 Commands and flags are read from the help of each command, so that what the three outputs leave out shows.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Corpora of `earshot dataset`, read by readers that are not ours: lhotse for its manifests, soundfile for the sounds, sofar for SOFA, which also
 verifies the convention.  Parts whose package is missing are left out with a line; ends with 77 (skipped) if all are.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # deb_test.sh SOURCES BUILD: the .deb of a build, unpacked into a folder, holds a program that runs there with its reader, and what belongs to it.
 set -euo pipefail
 sources=$1 build=$2

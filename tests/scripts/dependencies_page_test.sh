@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # dependencies_page_test.sh CHECK: whether check_dependencies.sh sees what is wrong in a copy of docs/dependencies.md: a version, a licence, a row that
 # is missing, and one of a package that setup.sh does not install.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """draw_episode_test.py DRAW_EPISODE: a page with a known plan gives a picture whose path, sound and levels lie where they belong."""
 
 import json

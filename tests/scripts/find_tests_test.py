@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """find_tests_test.py SOURCE_DIR BUILD_DIR: what scripts/find_tests.py selects for sources, test files, folders and names.
 
 Every test file of this checkout that the build knows is drawn from by a fixed seed: the program and the tests that are selected for it are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """image_test.py SOURCES: do the Dockerfile, the scripts that it runs and .dockerignore agree?
 
 The Dockerfile is read as docker reads it, line by line; scripts/check_image.sh runs its last stage without a container engine.

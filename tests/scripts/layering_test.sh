@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Is an include against the arrow found?  Runs the given check_layering.py on small trees: one in order, and that tree with one wrong include.
 set -euo pipefail
 check=$1

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Which agents does the given leaderboard.sh refuse, and does it so before it runs one?  The program it calls only notes that it was called.
 set -euo pipefail
 script=$1

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An episode written by `earshot replay --mcap`, read by the reference reader of the format (package mcap of the Python package index): the messages of
 every observation, at its time, are those of the result.  Ends with 77 (skipped) without that package.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """newer_schema_test.py EARSHOT: every kind of file that the program reads is refused when it is of a newer schema, in one line that names the
 file, its version and the remedy.  The same file of version 1, or without a version, gets past that check."""
 

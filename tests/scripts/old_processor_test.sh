@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # old_processor_test.sh PROGRAM...
 # What do programs that are compiled for x86-64-v3 say on processors before it, which qemu plays?  One line that names what is missing, and exit
 # status 1; a signal would say nothing.  On a processor that has it all, no such line.

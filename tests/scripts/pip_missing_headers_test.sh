@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # pip_missing_headers_test.sh PROJECT: what `pip install PROJECT` says on a machine without the packages.  The headers are hidden by a compiler that
 # looks for them in another folder.  pip takes nothing from an index: the check comes before anything that is installed there.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Which failures of pip does the given test_python.sh take for an index out of reach?  A copy of it, in a tree where pip fails with a given answer.
 set -euo pipefail
 python3 -c 'import venv, ensurepip, sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Python.h")))' ||

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The given release.sh --check passes on a tree that can be released, and names what is wrong with others.
 set -euo pipefail
 release=$1

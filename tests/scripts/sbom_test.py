@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """sbom_test.py PROJECT PROGRAM: the bill of materials of a program, that of a wheel, and the comparison of a wheel's libraries with Debian's.
 
 Ends with 77 (skipped) where dpkg is not the package manager.  Held to the official schema where the Python packages cyclonedx-python-lib and jsonschema

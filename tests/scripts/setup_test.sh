@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # What the given setup.sh asks of apt on Debian 12, Debian 13, derivatives of Debian and other systems: apt-get, apt-cache and cmake are played by
 # scripts, /etc/os-release by a file.
 set -euo pipefail

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """site_test.py SOURCE_DIR: the parts of the documentation site that need no Sphinx, on made pages, programs and a made repository."""
 
 import pathlib

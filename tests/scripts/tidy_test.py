@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """tidy_test.py SCRIPT: does scripts/tidy.py find what is wrong in changed lines, and in these alone?  In a small project with a history."""
 
 import pathlib

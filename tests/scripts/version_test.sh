@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The given check_version.sh passes on a tree whose files agree, and refuses each way in which they can disagree.
 set -euo pipefail
 check=$1

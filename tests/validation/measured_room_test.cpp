@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/support/acoustics/measured_room.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of trainer/checkpoint/checkpoint.h that moves weights and optimizer state between tensors by name and live modules.
 #include <fmt/format.h>
 

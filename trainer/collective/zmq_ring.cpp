@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/collective/zmq_ring.h"
 
 #include <fmt/format.h>

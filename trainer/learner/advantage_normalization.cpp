@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/learner/advantage_normalization.h"
 
 #include <algorithm>

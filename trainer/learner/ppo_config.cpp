@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/learner/ppo_config.h"
 
 #include "sim/base/text/config_reader.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/net/admission_desk.h"
 
 #include <algorithm>

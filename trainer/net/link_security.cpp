@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/net/link_security.h"
 
 #include "sim/base/errors.h"

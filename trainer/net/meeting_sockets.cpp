@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/net/meeting_sockets.h"
 
 #include <fmt/format.h>

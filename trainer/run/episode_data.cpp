@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/run/episode_data.h"
 
 #include <fmt/format.h>

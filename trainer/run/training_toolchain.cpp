@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "policy/torch_info.h"
 #include "policy/torch_kernels.h"
 #include "trainer/run/toolchain.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/core/acoustic_config.h"
 
 #include "sim/acoustics/core/bands.h"

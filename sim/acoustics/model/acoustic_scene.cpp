@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/model/acoustic_scene.h"
 
 #include <tbb/task_arena.h>

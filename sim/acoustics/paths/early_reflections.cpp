@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/paths/early_reflections.h"
 
 #include <fmt/format.h>

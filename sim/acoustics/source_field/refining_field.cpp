@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/source_field/refining_field.h"
 
 #include <algorithm>

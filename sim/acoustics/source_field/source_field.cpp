@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/source_field/source_field.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/source_field/source_field_store.h"
 
 #include <tbb/task_arena.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/synthesis/band_filters.h"
 
 #include <algorithm>

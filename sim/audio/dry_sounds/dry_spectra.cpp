@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/dry_sounds/dry_spectra.h"
 
 #include "sim/base/errors.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/dry_sounds/sound_extent.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/measured/minimum_phase.h"
 
 namespace earshot {

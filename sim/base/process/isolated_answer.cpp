@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of sim/base/process/isolated_call.h that runs in the started program.
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/base/process/machine_limits.h"
 
 #include <sys/mman.h>

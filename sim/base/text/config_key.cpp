@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/base/text/config_key.h"
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of a run that are damaged.  clang 14 cannot compile the headers of libtorch 1.13 as C++20, so the parsers beside it have no
 // libFuzzer target; damage is made here instead, under the same rule: a value, or a refusal of one line.
 #include <fmt/format.h>

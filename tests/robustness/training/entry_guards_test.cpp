@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is not finite is stopped where it would enter: before the policy sees it (Actor), before the learner has it (RolloutBuffer, gae).
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // docs/explanation/ppo.md, section 3: NaN and infinity in an observation, a reward, a logit, a value, a gradient and a message, at the
 // first, a middle and the last worker, over the real collective.  Each update of a run has one fault, so one run goes through all places
 // and values.

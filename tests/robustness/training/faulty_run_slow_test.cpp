@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole runs of three worker processes: env, policy, learner, collective, files.  Faults come in where the product has seams for tests: the
 // hook of the environment, and a collective that damages what passes.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The guards of docs/explanation/ppo.md, section 3, each guard at the first, a middle and the last worker; what is not finite is in
 // fault_matrix_test.cpp.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole runs of four worker processes in which a lost one comes back: what it gets, what it brings, what is on disk, and who may not come.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run that is killed as a whole, again and again at random instants, and resumed each time: it ends at the bits of the unbroken one.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A run of eight workers on four hosts, each host a network namespace, that trains on without one worker killed, one stopped, and one host
 // whose cable is pulled: how long each takes, that those that are left hold the same bits, and what is on disk.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole runs of four worker processes that go on without one of them: what it takes, what the others hold, and what is on disk.
 #include <gtest/gtest.h>
 

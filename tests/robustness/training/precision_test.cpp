@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where float32 is not enough: what training does in double against the same in long double, and what float32 would have given.  The errors
 // that docs/evidence/precision.md quotes are printed.
 #include <gtest/gtest.h>

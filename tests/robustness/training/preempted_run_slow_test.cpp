@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workers of which one is four times as slow: what preemption does to its rollouts, and to the steps that all make in a second.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Benchmarks that take a quarter of a minute each even in their shortest runs: names, layout of the JSON.
 
 #include <gmock/gmock.h>

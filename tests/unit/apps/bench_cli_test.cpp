@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the benchmarks as a script does: names, layout of the JSON, exit codes.  The numbers of such short runs mean nothing.
 
 #include "tests/support/programs/bench_cli.h"

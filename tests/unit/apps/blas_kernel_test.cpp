@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "apps/training/blas_kernel.h"
 
 #include <gmock/gmock.h>

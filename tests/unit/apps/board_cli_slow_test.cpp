@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Evaluations and sweeps by several processes, stopped and gone on with.
 
 #include <gmock/gmock.h>

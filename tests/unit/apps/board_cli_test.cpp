@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands around results: evaluation in several processes, replay pages, sweeps, tables as JSON, completion.
 
 #include "tests/support/programs/board_cli.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a benchmark lets a policy sense, and what a submission may do to the machine that evaluates it, through the commands.
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the program as a user does and checks its exit code and its output.
 
 #include "tests/support/programs/cli.h"

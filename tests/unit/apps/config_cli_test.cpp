@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot config`, and the messages of readers as a user meets them.
 
 #include <nlohmann/json.hpp>

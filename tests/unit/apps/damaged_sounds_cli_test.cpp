@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands that read sound: a damaged file ends each with exit code 2 and one line that names it.
 
 #include <gmock/gmock.h>

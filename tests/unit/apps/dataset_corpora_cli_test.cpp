@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot dataset convolve`, `scenes`, `pano`, SOFA files, and the template of Slurm, as a user runs them.
 
 #include <gmock/gmock.h>

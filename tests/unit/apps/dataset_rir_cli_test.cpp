@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot dataset rir` as a user runs it, and interrupts it.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Each line of `earshot doctor` follows what it checks: the tests take one thing away and look for the state, the remedy and the exit code.
 
 #include <gmock/gmock.h>

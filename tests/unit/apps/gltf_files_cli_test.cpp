@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF features that change geometry: `earshot scene` and `rir` apply them, refuse them by name, or name them in a warning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much responses of one processor differ by the instruction set that Embree uses (EARSHOT_ISA), through the program that a user starts.
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot train` started by the launchers that are installed here, and on two hosts: each gives the bits of `--workers 2`.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

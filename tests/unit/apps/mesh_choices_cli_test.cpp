@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Unit and up axis of a mesh file travel with its name, so that every command reads it alike.
 
 #include <fmt/format.h>

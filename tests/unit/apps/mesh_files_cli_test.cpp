@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesh files that people have: `earshot scene` and `rir` read all of their faces, or say which they do not.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Places of sources and listeners that cannot be meant are refused by every command, and those that can are not.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands of the two programs: help, words that are no command, and the way from one to the other.
 
 #include "apps/program.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot render` writes pictures that other programs read, the same by both renderers, and refuses what it cannot draw.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot replay`: the file that a faulty episode leaves, run again by the program.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parameters of ISO 3382-1 do not depend on the ear: `rir --metrics` measures an omnidirectional microphone, and ears by name beside it.
 
 #include <gmock/gmock.h>

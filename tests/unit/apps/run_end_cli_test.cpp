@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a run ends: exit codes, and the checkpoint that it leaves whatever ends it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The folder of a run belongs to one process at a time, however the second one comes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

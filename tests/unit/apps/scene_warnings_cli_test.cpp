@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What may not be meant about a scene is said once, by every command that takes one; what is given is not guessed.
 
 #include <gmock/gmock.h>

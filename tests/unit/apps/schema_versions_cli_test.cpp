@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of every kind with a version that is one too high, through the commands that read them: exit code 2 and one line with that version.
 #include <nlohmann/json.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // configs/policies/quick.policy, as a user runs it: a change of sensors, motion or network that the agent does not survive shows here.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Levels behind a wall that is nearly closed, as `earshot rir` gives them with a field and by paths.
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A training at a stated accuracy, which is planned once.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot train` and what follows it, as a user runs them: a run never mixes with an older one.
 
 #include "tests/support/programs/train_cli.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `earshot walk` against closed forms at true time: x(t - delay) along straight and mirrored paths, whoever moves; and its tails.
 
 #include <fmt/format.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reverberant signals: what is mixed, at what level, and what the labels say.
 
 #include "datasets/convolve_corpus.h"

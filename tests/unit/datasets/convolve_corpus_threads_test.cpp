@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Signals have the same bytes for any number of threads, any split over machines, and after an interruption.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "datasets/corpus_threads.h"
 
 #include <gmock/gmock.h>

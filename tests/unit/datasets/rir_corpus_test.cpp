@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Corpora of responses: what is drawn, what the labels say, and what is written.
 
 #include "datasets/rir_corpus.h"

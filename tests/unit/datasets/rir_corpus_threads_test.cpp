@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One corpus has the same bytes for any number of threads and any split over machines.
 
 #include <gtest/gtest.h>

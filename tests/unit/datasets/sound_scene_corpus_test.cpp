@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of sound scenes: what the labels say is where the sound comes from.
 
 #include "datasets/sound_scene_corpus.h"

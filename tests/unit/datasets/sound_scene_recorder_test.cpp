@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Events of sound scenes: tails that belong to places, and moving sources against x(t - delay) in closed form.
 
 #include "datasets/sound_scene_recorder.h"

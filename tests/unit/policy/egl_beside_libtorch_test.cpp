@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesa's driver in a process that has libtorch loaded, whose copy of LLVM must not answer the driver's calls.
 #include <gtest/gtest.h>
 

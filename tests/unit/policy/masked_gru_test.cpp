@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "policy/masked_gru.h"
 
 #include <gtest/gtest.h>

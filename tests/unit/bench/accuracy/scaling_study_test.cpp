@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/accuracy/scaling_study.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/baselines/occupancy_grid.h"
 
 #include <gtest/gtest.h>

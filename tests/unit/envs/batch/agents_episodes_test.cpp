@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Episodes of several agents in one env: how they end, are saved, go wrong and are read.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

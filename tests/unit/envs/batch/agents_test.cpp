@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several agents in one env: rows, what they hear and see of each other, and how they pass.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Agents of one env on several threads: equal bits for any number, any split and in the background.
 #include <gtest/gtest.h>
 

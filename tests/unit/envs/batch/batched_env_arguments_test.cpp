@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a caller of BatchedEnv can get wrong is an exception in every build, and moves nothing.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

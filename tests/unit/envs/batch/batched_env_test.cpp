@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "envs/batch/batched_env.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of a batch by EGL, on Mesa's software device; skipped where there is none.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

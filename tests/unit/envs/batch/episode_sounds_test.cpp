@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Episodes with several sounds, sounds that begin and end, noise, several goals, and the grid.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What steps take from the process: memory, locks and readings of the clock, counted in the thread that steps, which with one thread is all
 // of the batch.
 #include <dlfcn.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a batch is driven: which envs are reset, what follows an end, stepping in the background, and moving envs between batches.  Every
 // claim is one about bits.
 #include "tests/support/envs/vector_semantics.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A batch on several threads and in the background: what it shows, and what stays in one env.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Noise of pose sensors and of actuation, and the map with the path: statistics, and the same bits wherever an env runs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sensors of what no agent could sense, and the interaural one: against what they are made of.
 #include <gtest/gtest.h>
 

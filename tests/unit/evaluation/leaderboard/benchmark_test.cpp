@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Benchmarks and their splits.
 #include "evaluation/leaderboard/benchmark.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results that are not what a benchmark ranks: each kind of cheat is refused with its reason, or shown apart with it.
 
 #include <fmt/format.h>

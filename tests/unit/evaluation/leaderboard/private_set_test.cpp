@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Test sets of which only a hash is public.
 #include "evaluation/leaderboard/private_set.h"
 

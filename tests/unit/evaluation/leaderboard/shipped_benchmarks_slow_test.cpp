@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // configs/benchmarks: this build draws the sets that the files name.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // configs/benchmarks: files whose hashes are those of what they say.
 #include <gtest/gtest.h>
 

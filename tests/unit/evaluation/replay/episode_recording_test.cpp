@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An episode whose sound begins late and ends early, as a recording and as a page have it.
 #include "evaluation/replay/episode_recording.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that say they are results: how large, how costly to refuse.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results whose numbers are not what their actions give are refused, whatever was changed in them.
 #include "evaluation/results/verify_result.h"
 

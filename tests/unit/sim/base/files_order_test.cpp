@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a file is worth after the power fails: its bytes are on disk before its name is, and its name before the call returns.  The
 // functions of the C library below stand in for its own in this program, and write down who calls them.
 

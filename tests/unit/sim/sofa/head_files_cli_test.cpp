@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Heads as their files have them, by `earshot rir --hrtf`: the direct sound of one source in a free field.
 #if __has_include(<hdf5.h>)
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Heads between their measurements, by `earshot rir --hrtf`.
 #if __has_include(<hdf5.h>)
 

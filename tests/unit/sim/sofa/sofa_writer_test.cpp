@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SOFA files, read back by libmysofa, which reads HDF5 by code of its own.
 
 #include "sim/sofa/sofa_writer.h"

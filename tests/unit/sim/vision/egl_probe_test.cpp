@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Drivers that crash, hang, end their process or answer nonsense, played by a script in place of the reader program.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // On Mesa's rasterizer, which every machine has that scripts/setup.sh prepared.
 #include "sim/vision/egl_renderer.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a texture in a file to the colour of a pixel.
 #include <gtest/gtest.h>
 #include <turbojpeg.h>

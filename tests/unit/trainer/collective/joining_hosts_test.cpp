@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workers that come back on several hosts, each a network namespace: who listens for them moves from host to host.
 #include <gtest/gtest.h>
 #include <signal.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workers that come to a run under way, in the place of lost ones: what they and the members see, and what cannot disturb the members.
 #include "tests/support/workers/joining_workers.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workers that go on without a lost one: killed, stopped, cut off, in a loop without end, or with a broken connection.
 #include <gtest/gtest.h>
 #include <poll.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time of a gradient's sum between two hosts of two workers each, by the ring over workers and by shared memory on each host, in turn.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Workers on several hosts, each a network namespace: the bits of one host, and what happens when a cable is pulled.
 #include <gtest/gtest.h>
 #include <signal.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/curves/curve_svg.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The loss as a pure function; the learner is in ppo_learner_test.cpp.
 #include "trainer/learner/ppo.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/learner/rollout_buffer.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of an earlier rollout in the learner: the table of docs/explanation/ppo.md, section 1.2, by hand, for our buffer and for the
 // predecessor's.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Links with CURVE: who may take part, and that it changes no bit.  On the loopback interface; over namespaces: several_hosts_test.cpp.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What unknown peers cost the workers: rounds of computation and a sum, with and without a flood of connections at each of their ports.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>

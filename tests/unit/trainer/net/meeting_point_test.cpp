@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The meeting point of a run under way: where it is, and what a worker makes of answers that cannot be.
 #include "trainer/net/meeting_point.h"
 

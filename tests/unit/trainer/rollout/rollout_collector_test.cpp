@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/rollout/rollout_collector.h"
 
 #include <gtest/gtest.h>

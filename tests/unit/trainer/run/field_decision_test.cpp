@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/run/field_decision.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Does the whole chain of policy, rollout buffer and learner learn?  Two tasks with a known answer, each beside a broken variant that must
 // fail.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "trainer/run/policy_file.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/metrics/late_errors.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Levels of what leaves a source that does not radiate alike everywhere, against its pattern by hand.
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/response/scattered_energy.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/source_field/field_for_poses.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/source_field/smoothing_correction.h"
 
 #include <gtest/gtest.h>

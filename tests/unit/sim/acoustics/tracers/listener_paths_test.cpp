@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/tracers/listener_paths.h"
 
 #include <gtest/gtest.h>

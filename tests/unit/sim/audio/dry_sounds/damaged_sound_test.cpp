@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sound files that are cut, flipped or of unknown length: a sound is refused or read whole, never shorter than its file states.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

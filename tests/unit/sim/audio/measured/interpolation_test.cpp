@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Heads between their measurements: each direction of two heads is left out and made from the others.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/stream/sound_stream.h"
 
 #include <gtest/gtest.h>

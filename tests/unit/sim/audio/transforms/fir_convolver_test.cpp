@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Convolution by overlap-add beside the sum that defines it.
 
 #include "sim/audio/transforms/fir_convolver.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/transforms/spectrogram.h"
 
 #include <gtest/gtest.h>

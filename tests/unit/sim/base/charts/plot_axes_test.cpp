@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/base/charts/plot_axes.h"
 
 #include <gmock/gmock.h>

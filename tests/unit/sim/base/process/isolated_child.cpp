@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program that misbehaves as it is told, for isolated_call_test.cpp.
 #include <sys/resource.h>
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of newer versions are refused with one line that names the version; files without a version are of version 1.
 #include "sim/base/text/schema_version.h"
 

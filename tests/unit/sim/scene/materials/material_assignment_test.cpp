@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/materials/material_assignment.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/materials/semantic_materials.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/mesh/triangle_mesh.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Damaged files: every truncation and every flipped byte must load or throw InputError, in bounded time and memory.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh file that ends too early is refused or read whole, in every format and encoding.
 //
 // Three cuts cannot be told from a whole file, and none of them passes without a word:

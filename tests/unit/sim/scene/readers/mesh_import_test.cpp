@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/readers/mesh_import.h"
 
 #include <gmock/gmock.h>
