@@ -1,10 +1,19 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Fails if a source file differs from what clang-format 14 makes of it (.clang-format).  scripts/check_format.sh --fix rewrites them.
+# Fails if a source file does not name its licence, or differs from what clang-format 14 makes of it (.clang-format).  scripts/check_format.sh --fix
+# rewrites the latter.
 # Where the distribution has another version, clang-format 14 comes from the Python package index, into build/format_tools; ends with 77 (skipped)
 # and one line where that cannot be reached.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+licence='SPDX-License-Identifier: Apache-2.0'
+lacking=$(git grep -L --fixed-strings "$licence" -- '*.h' '*.cpp' '*.py' '*.pyi' '*.sh' '*.cmake' '*CMakeLists.txt' || true)
+if [ -n "$lacking" ]; then
+  echo "format: no line '$licence' at the top of:" >&2
+  sed 's/^/  /' <<<"$lacking" >&2
+  exit 1
+fi
 
 tools=build/format_tools
 formatter=
