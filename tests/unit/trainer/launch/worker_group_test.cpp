@@ -111,8 +111,12 @@ TEST(WorkerGroupCopy, Acts) {
   }
   if (role == "interrupted") std::_Exit(rank == 0 ? kExitAskedToEnd : kExitDone);
   if (role == "failing") {  // rank 0 loses rank 1, which has a reason of its own to end, and says so later
-    if (rank == 0) std::_Exit(kExitLostWorld);
+    if (rank == 0) {
+      while (!std::filesystem::exists(notes() / "pid1")) std::this_thread::sleep_for(milliseconds(5));
+      std::_Exit(kExitLostWorld);
+    }
     ::signal(SIGTERM, SIG_IGN);
+    note("pid1", std::to_string(::getpid()));
     std::this_thread::sleep_for(milliseconds(400));
     std::_Exit(kExitFailed);
   }
