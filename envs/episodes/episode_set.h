@@ -23,7 +23,7 @@ struct EpisodeSet {
 /// Reads AudioNav JSON, gzip or plain (by content, not by name).  A set that is split by scene (empty `episodes`; files in content/ beside
 /// it, or where its `content_scenes_path` says) is read whole, files sorted by name.  Throws InputError: missing file, JSON or gzip error,
 /// missing key (with episode id and key), no regular file, a gzip stream that
-/// grows more than a hundredfold, more than a million values in one episode, non-finite number, geodesic distance that is not finite and
+/// grows more than a hundredfold, more than two million values in one episode, non-finite number, geodesic distance that is not finite and
 /// positive, zero quaternion, no episodes.
 EpisodeSet load_episode_set(const std::filesystem::path& path);
 EpisodeSet parse_episode_set(std::string_view json_or_gzip, const std::string& where);

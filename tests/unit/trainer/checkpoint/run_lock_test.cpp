@@ -18,6 +18,7 @@
 #include "sim/base/files.h"
 #include "sim/base/random.h"
 #include "tests/support/seconds_since.h"
+#include "tests/support/wait_for_flag.h"
 #include "tests/support/what_of.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/run_claim.h"
@@ -55,7 +56,7 @@ class RunLockOf : public testing::TestWithParam<Kind> {
       then(*lock);
       return true;
     });
-    while (held_[0] == 0) std::this_thread::sleep_for(milliseconds(2));
+    EXPECT_TRUE(wait_until([&] { return held_[0] != 0; }));
     return pid;
   }
   static void end(pid_t pid, int signal = SIGKILL) {
@@ -113,7 +114,7 @@ TEST_P(RunLockOf, AllKilledAndResumedAtOnce) {
         }
       ::pause();
     });
-    while (held_[1] < 2) std::this_thread::sleep_for(milliseconds(1));
+    ASSERT_TRUE(wait_until([&] { return held_[1] >= 2; }));
     held_[1] = 0;
     const std::string children = read_file("/proc/" + std::to_string(holder) + "/task/" + std::to_string(holder) + "/children");
     ::kill(holder, SIGKILL);
@@ -205,11 +206,11 @@ TEST(RunLock, ALeaseIsRenewedWhileItsHolderLivesAndLostIfItStandsStill) {
   const pid_t holder = WorkerProcesses::start(0, [&](int) {
     const auto lock = RunLock::acquire(folder.path(), "earshot train", options);
     state[0] = 1;
-    while (!lock->is_lost()) std::this_thread::sleep_for(milliseconds(10));
-    state[1] = 1;
-    return true;
+    const bool is_lost = wait_until([&] { return lock->is_lost(); });
+    state[1] = is_lost ? 1 : 0;
+    return is_lost;
   });
-  while (state[0] == 0) std::this_thread::sleep_for(milliseconds(2));
+  ASSERT_TRUE(wait_until([&] { return state[0] != 0; }));
   const auto start = std::chrono::steady_clock::now();
   while (seconds_since(start) < 2.5) {
     EXPECT_EQ(RunLock::try_acquire(folder.path(), "test", options), nullptr);

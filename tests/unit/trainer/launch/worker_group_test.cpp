@@ -18,6 +18,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/exit_codes.h"
 #include "tests/support/seconds_since.h"
+#include "tests/support/wait_for_flag.h"
 #include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
@@ -111,10 +112,7 @@ TEST(WorkerGroupCopy, Acts) {
   }
   if (role == "interrupted") std::_Exit(rank == 0 ? kExitAskedToEnd : kExitDone);
   if (role == "failing") {  // rank 0 loses rank 1, which has a reason of its own to end, and says so later
-    if (rank == 0) {
-      while (!std::filesystem::exists(notes() / "pid1")) std::this_thread::sleep_for(milliseconds(5));
-      std::_Exit(kExitLostWorld);
-    }
+    if (rank == 0) std::_Exit(wait_until([] { return std::filesystem::exists(notes() / "pid1"); }) ? kExitLostWorld : 15);
     ::signal(SIGTERM, SIG_IGN);
     note("pid1", std::to_string(::getpid()));
     std::this_thread::sleep_for(milliseconds(400));
