@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   earshot::add_render(program.app());
   earshot::add_walk(program.app());
   earshot::add_dataset(program.app());
-  if (program.has_what_is_asked()) return program.run();
+  if (program.has_requested_command()) return program.run();
   try {
     earshot::continue_as(earshot::companion_program("earshot_training"), argv);
   } catch (const std::exception& error) {

@@ -84,7 +84,7 @@ Program::Program(int argc, char** argv)
       exit_code_table());
 }
 
-bool Program::has_what_is_asked() const {
+bool Program::has_requested_command() const {
   if (arguments_.empty()) return false;
   return arguments_.front() == kVersionFlag || find_command(app_, arguments_.front()) != nullptr;
 }

@@ -22,7 +22,7 @@ class Program {
   /// What `run` returns where a command neither throws nor sets it: 0.
   int& exit_code() { return exit_code_; }
   /// Whether the first word is one of the commands, or asks for the version.
-  [[nodiscard]] bool has_what_is_asked() const;
+  [[nodiscard]] bool has_requested_command() const;
 
   /// Parses the command line, which runs the command.  Returns the exit code (exit_codes.h); errors are one line on stderr.
   int run();

@@ -26,7 +26,7 @@ struct SoundFolder {
 std::uint64_t sound_file_size(const std::filesystem::path& file);
 
 /// Most of a sample of what is written: below 1 with 24 bits.
-inline constexpr double kMostPeak = 0.999;
+inline constexpr double kMaxPeak = 0.999;
 
 /// range: [low, high]; fraction in [0, 1).  To the hundredth, so that a manifest shows all of it.
 double within_range(const std::vector<float>& range, float fraction);

@@ -18,9 +18,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMostRooms = 100'000'000;
+constexpr std::size_t kMaxRooms = 100'000'000;
 /// Far beyond any room, and small enough that a number of samples fits an integer.
-constexpr double kMostDistanceM = 1e6, kLongestDelayS = 3600;
+constexpr double kMaxDistanceM = 1e6, kLongestDelayS = 3600;
 constexpr float kHighestRateHz = 1e6f;
 
 IndexedResponse parse_line(std::string_view line) {
@@ -78,9 +78,8 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
     const IndexedResponse& response = responses_[i];
     if (response.file.ends_with(".sofa"))
       throw InputError(corpus_.string(), "stores its responses in SOFA files", "write the corpus with format wav or flac");
-    const bool in_range = response.room < kMostRooms && response.gain > 0 && response.distance_m >= 0 &&
-                          response.distance_m <= kMostDistanceM && response.direct_delay_s >= 0 &&
-                          response.direct_delay_s <= kLongestDelayS;
+    const bool in_range = response.room < kMaxRooms && response.gain > 0 && response.distance_m >= 0 &&
+                          response.distance_m <= kMaxDistanceM && response.direct_delay_s >= 0 && response.direct_delay_s <= kLongestDelayS;
     if (!in_range)
       throw InputError(manifest.string() + ":" + std::to_string(i + 1), "has a number outside the valid range", "write the corpus again");
     if (response.room >= rooms_.size()) rooms_.resize(response.room + 1);

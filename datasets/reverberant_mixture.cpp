@@ -97,7 +97,7 @@ std::vector<float> MixtureMaker::convolved(const IndexedResponse& response, cons
 std::vector<float> MixtureMaker::direct_sound(const IndexedResponse& response, std::span<const float> dry, std::size_t start_sample,
                                               std::size_t num_frames) {
   // As a response counts a source that is nearer than the engine tells apart.
-  const double distance_m = std::max(response.distance_m, static_cast<double>(kLeastDistanceM));
+  const double distance_m = std::max(response.distance_m, static_cast<double>(kMinDistanceM));
   const double farther = response.distance_m > 0 ? distance_m / response.distance_m : 1;
   const double delay_samples = farther * response.direct_delay_s * static_cast<double>(index_.sample_rate_hz());
   if (delay_samples > static_cast<double>(num_frames) + arrival_fft_size(index_.sample_rate_hz())) return std::vector<float>(num_frames);
@@ -236,10 +236,10 @@ Mixture MixtureMaker::mix(std::uint64_t number) {
   for (MixedTalker& talker : mixture.talkers) all.insert(all.end(), {&talker.reverberant, &talker.early, &talker.dry});
   double peak = 0;
   for (const std::vector<float>* samples : all) peak = std::max(peak, peak_of(*samples));
-  if (peak * factor > kMostPeak) {
+  if (peak * factor > kMaxPeak) {
     mixture.lowered = true;
-    mixture.level_dbfs += 20 * std::log10(kMostPeak / (peak * factor));
-    factor = kMostPeak / peak;
+    mixture.level_dbfs += 20 * std::log10(kMaxPeak / (peak * factor));
+    factor = kMaxPeak / peak;
   }
   for (std::vector<float>* samples : all) scale(*samples, factor);
   for (MixedTalker& talker : mixture.talkers) talker.gain *= factor;

@@ -95,10 +95,10 @@ class RoomRecorder {
     double level_dbfs = within_range(config_.level_dbfs, random.uniform(MixDraw::level));
     double factor = mean_square > 0 ? amplitude_of_db(level_dbfs) / std::sqrt(mean_square) : 1;
     const double peak = peak_of(mix);
-    const bool lowered = peak * factor > kMostPeak;
+    const bool lowered = peak * factor > kMaxPeak;
     if (lowered) {
-      level_dbfs += 20 * std::log10(kMostPeak / (peak * factor));
-      factor = kMostPeak / peak;
+      level_dbfs += 20 * std::log10(kMaxPeak / (peak * factor));
+      factor = kMaxPeak / peak;
     }
     scale(mix, factor);
 

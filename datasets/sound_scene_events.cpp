@@ -20,7 +20,7 @@ namespace {
 /// In the place of the scene in the streams of episodes: recordings of scenes, and places in them.
 constexpr std::uint32_t kEventStream = 0x53454C44u, kPlaceStream = 0x53454C50u;
 constexpr int kOnsetTries = 100, kWalkTries = 20;
-constexpr int kMostCorners = 200;
+constexpr int kMaxCorners = 200;
 constexpr float kArrivedM = 0.02f;
 constexpr double kFrameS = 0.1, kDegreesPerRadian = 180 / std::numbers::pi;
 
@@ -57,7 +57,7 @@ double hundredths_within(const std::vector<float>& range, float fraction) {
 std::vector<glm::vec3> way_between(const Navmesh& navmesh, FreePlace from, FreePlace to) {
   const GeodesicField field(navmesh, to.foot);
   std::vector<glm::vec3> feet{from.foot};
-  for (int corner = 0; corner < kMostCorners; ++corner) {
+  for (int corner = 0; corner < kMaxCorners; ++corner) {
     const auto next = field.next_corner(feet.back());
     if (!next) return {};
     if (glm::length(*next - feet.back()) > 0.01f) feet.push_back(*next);

@@ -42,7 +42,7 @@ struct EvalArguments {
 };
 
 /// The config's held-out set, unless --episodes names one.
-void take_set_of(const RunConfig& config, EvaluationConfig& evaluation) {
+void use_training_set(const RunConfig& config, EvaluationConfig& evaluation) {
   if (!evaluation.episodes.empty()) return;
   evaluation.episodes = config.eval.file;
   evaluation.generator = expected_generator(config.eval, config.env);
@@ -153,7 +153,7 @@ Plan plan_of(const EvalArguments& options) {
                              : options.config.empty() ? parse_run_config("", "--set", options.overrides)
                                                       : load_run_config(options.config, options.overrides);
     plan.config = with_decided_acoustics(config);  // it hears what the policy of this config does
-    take_set_of(plan.config, evaluation);
+    use_training_set(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
   } else {
     plan.checkpoint = find_checkpoint(options.agent);
@@ -162,7 +162,7 @@ Plan plan_of(const EvalArguments& options) {
     } else {
       plan.config = config_of_checkpoint(load_checkpoint_metadata(plan.checkpoint), plan.checkpoint.string(), options.overrides);
     }
-    take_set_of(plan.config, evaluation);
+    use_training_set(plan.config, evaluation);
     if (evaluation.episodes.empty())
       throw InputError("--episodes", "is missing, and the checkpoint's config has no data.eval.file", "name an episode set");
   }

@@ -56,7 +56,7 @@ ReadResults read_results(const std::vector<std::string>& files, const std::optio
     if (!result.partial_of.empty() && !verify.partial)
       throw InputError(path, fmt::format("covers only the first {} episodes of its set", result.episodes.size()),
                        "evaluate the agent without --max-episodes, or add --partial");
-    if (!result.is_as_written)
+    if (!result.matches_checksum)
       throw InputError(path, "was changed after it was written: the checksum does not match",
                        "use the original file of 'earshot eval --out'");
     if (benchmark) {
@@ -74,7 +74,7 @@ bool needs_places(const LeaderboardArguments& options) {
 }
 
 /// Without a benchmark each result is noted by the file that it names, if that holds its set still: else tables go without.
-void note_places_of_all(ReadResults& read, const std::string& scene_root, bool is_benchmark) {
+void note_all_places(ReadResults& read, const std::string& scene_root, bool is_benchmark) {
   FloorAreas areas(scene_root);
   std::map<std::string, EpisodeSet> sets;
   for (EvaluationResult& result : read.results) {
@@ -196,7 +196,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
         results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify).results);
   if (benchmark) page.benchmark = fmt::format("{} {}", benchmark->name, benchmark->version);
   if (benchmark) note_evidence_of_all(results, options.run_here, page.private_scores);
-  if (needs_places(options)) note_places_of_all(read, scene_root_of(options.verify, benchmark), benchmark.has_value());
+  if (needs_places(options)) note_all_places(read, scene_root_of(options.verify, benchmark), benchmark.has_value());
   const std::string groups = options.by ? groups_text(results, *options.by) : "";  // refused before anything is written
 
   fmt::print("{}", leaderboard_text(results));

@@ -132,13 +132,13 @@ int run_program(const std::vector<std::string>& arguments, const std::filesystem
 /// By a signal; the run under way has left its checkpoint.
 class SweepStopped : public std::exception {};
 
-void stop_if_told() {
+void throw_if_stopped() {
   if (StopSignals::received()) throw SweepStopped();
 }
 
 void expect_done(int status, const std::string& what, const std::filesystem::path& log) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == kExitDone) return;
-  if (WIFSIGNALED(status) || is_orderly_end(WEXITSTATUS(status))) stop_if_told();
+  if (WIFSIGNALED(status) || is_orderly_end(WEXITSTATUS(status))) throw_if_stopped();
   if (WIFEXITED(status) && is_orderly_end(WEXITSTATUS(status))) throw RunError(what, "was stopped by a signal; the same command goes on");
   if (WIFSIGNALED(status))
     throw RunError(what, fmt::format("was killed by signal {} ({}); see its output in {}, then run the same command again to continue",
@@ -172,7 +172,7 @@ void make_missing_sets(const SweepConfig& sweep, const SweepRun& run) {
   std::vector<std::string> make{"dataset", "episodes", "--config", sweep.config};
   for (const std::string& override : run.overrides) make.insert(make.end(), {"--set", override});
   expect_done(run_program(make, log_of(run), [] {}), name_of(run) + ": its episodes", log_of(run));
-  stop_if_told();
+  throw_if_stopped();
 }
 
 void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string& label) {
@@ -190,7 +190,7 @@ void train_run(const SweepConfig& sweep, const SweepRun& run, const std::string&
     expect_done(run_program(train, log_of(run), [&] { progress.update(std::min(steps_of(run), run.config.total_steps)); }), name_of(run),
                 log_of(run));
   }
-  stop_if_told();  // a run that was asked to stop ends well, before its time
+  throw_if_stopped();  // a run that was asked to stop ends well, before its time
   write_file_atomically(file_beside(run, ".done"), "");
 }
 
@@ -203,7 +203,7 @@ void evaluate_run(const SweepConfig& sweep, const SweepRun& run, const std::stri
   for (const std::string& override : *sweep.evaluate) evaluate.insert(evaluate.end(), {"--set", override});
   std::fputs((label + ": evaluation\n").c_str(), stderr);
   expect_done(run_program(evaluate, log_of(run), [] {}), name_of(run) + ": its evaluation", log_of(run));
-  stop_if_told();
+  throw_if_stopped();
   write_file_atomically(evaluated_with(run), evaluation_settings(sweep));
 }
 

@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kLeastWidth = 60, kIndent = 6;
+constexpr std::size_t kMinWidth = 60, kIndent = 6;
 
 std::string default_text(const ConfigKey& key) {
   if (key.is_required) return "required";
@@ -164,7 +164,7 @@ Json json_of(const ConfigKey& key) {
 }  // namespace
 
 std::string reference_text(const std::vector<ConfigKind>& reference, std::size_t width) {
-  width = std::max(width, kLeastWidth);
+  width = std::max(width, kMinWidth);
   ShownSections shown;
   std::string text;
   for (const ConfigKind& kind : reference) {
@@ -175,7 +175,7 @@ std::string reference_text(const std::vector<ConfigKind>& reference, std::size_t
 }
 
 std::string key_text(const std::vector<ConfigKind>& reference, const std::string& name, std::size_t width) {
-  width = std::max(width, kLeastWidth);
+  width = std::max(width, kMinWidth);
   std::vector<std::pair<std::string, std::vector<std::string>>> answers;  // what is told, and the kinds of which it is
   const auto add = [&](const std::string& answer, const std::string& kind) {
     const auto known = std::ranges::find_if(answers, [&](const auto& other) { return other.first == answer; });

@@ -18,7 +18,7 @@ bool is_same_key(const ConfigKey& a, const ConfigKey& b) {
          a.is_required == b.is_required;
 }
 
-const ConfigKey* find_same(const std::vector<ConfigKey>& keys, const ConfigKey& wanted) {
+const ConfigKey* find_key(const std::vector<ConfigKey>& keys, const ConfigKey& wanted) {
   const auto found = std::ranges::find_if(keys, [&](const ConfigKey& key) { return is_same_key(key, wanted); });
   return found == keys.end() ? nullptr : &*found;
 }
@@ -28,9 +28,9 @@ ShownSection section_with(const KeyGroup& group, const std::vector<ConfigKey>& b
   ShownSection section;
   section.group = group;
   for (const ConfigKey& key : before)
-    if (find_same(group.keys, key) == nullptr) section.left_out.push_back(name_in_section(key));
+    if (find_key(group.keys, key) == nullptr) section.left_out.push_back(name_in_section(key));
   for (const ConfigKey& key : group.keys) {
-    const ConfigKey* same = find_same(before, key);
+    const ConfigKey* same = find_key(before, key);
     if (same == nullptr)
       section.own.push_back(key);
     else if (same->default_value != key.default_value)
@@ -53,7 +53,7 @@ const ShownSections::Shown* ShownSections::find_repeated(const KeyGroup& group) 
   std::size_t most = 0;
   for (const Shown& shown : shown_) {
     const auto common = static_cast<std::size_t>(
-        std::ranges::count_if(group.keys, [&](const ConfigKey& key) { return find_same(shown.keys, key) != nullptr; }));
+        std::ranges::count_if(group.keys, [&](const ConfigKey& key) { return find_key(shown.keys, key) != nullptr; }));
     if (common <= most || common < kFewestRepeated || 2 * common < shown.keys.size()) continue;
     best = &shown;
     most = common;

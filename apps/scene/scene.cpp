@@ -36,7 +36,7 @@ struct SceneArguments {
   bool explain = false;
 };
 
-constexpr double hardly_any_leak = 0.001;
+constexpr double kMaxTightLeak = 0.001;
 
 AcousticScene acoustics_of(const std::shared_ptr<const Scene>& scene, const SceneArguments& options) {
   AcousticConfig config = acoustic_preset(options.preset);
@@ -104,7 +104,7 @@ ExaminedScene examine(const SceneArguments& options) {
   examined.report = report_scene(scene, 0, air_per_m);
   examined.warnings = scene_warnings(scene, examined.report);
   examined.axes = guess_axes(scene, examined.report);
-  if (examined.report.leaked_ray_fraction > hardly_any_leak) examined.holes = find_holes(scene);
+  if (examined.report.leaked_ray_fraction > kMaxTightLeak) examined.holes = find_holes(scene);
   try {
     examined.navigable_m2 = Navmesh(scene.mesh(), {}).main_area_m2();
   } catch (const InputError& error) {

@@ -62,9 +62,9 @@ Finding check_vectors() {
   }
   std::string text = used.empty() ? "compiled for the plain instruction set" : fmt::format("compiled for {}", listed(used, ", "));
   if (!unused.empty()) text += fmt::format("; the CPU also has {}", listed(unused, ", "));
-  const bool could_be_faster = (present & ~kUsedInstructionSets & kDefaultInstructionSets) != 0;
-  if (could_be_faster) text += ": configure without -DEARSHOT_ARCH";
-  return {could_be_faster ? State::slow : State::ok, text};
+  const bool lacks_fast_kernels = (present & ~kUsedInstructionSets & kDefaultInstructionSets) != 0;
+  if (lacks_fast_kernels) text += ": configure without -DEARSHOT_ARCH";
+  return {lacks_fast_kernels ? State::slow : State::ok, text};
 }
 
 Finding check_embree() {

@@ -33,7 +33,7 @@ AccuracyMode preset_mode(const char* name) {
           .method = method_of(config),
           .config = config,
           .is_fast = std::string(name) == "fast",
-          .every_how_many = config.source_rays > 0 ? kHighStride : 1};
+          .pose_stride = config.source_rays > 0 ? kHighStride : 1};
 }
 
 class ModeList {
@@ -41,7 +41,7 @@ class ModeList {
   void add(const std::string& sweep, const std::string& value, const Change& change) {
     AcousticConfig config = fast_config();
     change(config);
-    modes_.push_back({.sweep = sweep, .value = value, .method = method_of(config), .config = config, .every_how_many = kSweepStride});
+    modes_.push_back({.sweep = sweep, .value = value, .method = method_of(config), .config = config, .pose_stride = kSweepStride});
   }
   /// A value that the preset has.
   void add_fast(const std::string& sweep, const std::string& value) {

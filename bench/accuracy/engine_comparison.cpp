@@ -117,7 +117,7 @@ std::vector<std::vector<RoomMetrics>> pressure_metrics(const std::vector<Shoebox
 }
 
 /// Against both truths.
-EnginePoint judge_twice(const EngineComparison& comparison, const std::vector<std::vector<RoomMetrics>>& rendered) {
+EnginePoint compare_repeated_runs(const EngineComparison& comparison, const std::vector<std::vector<RoomMetrics>>& rendered) {
   EnginePoint point = judge_responses(comparison.energies, rendered);
   const EnginePoint pressure = judge_responses(comparison.pressures, rendered);
   point.pressure_t20 = pressure.t20_all;
@@ -166,7 +166,7 @@ bool ask_in_rooms(const EngineCommand& engine, double allowed_s, EngineCompariso
     rendered.emplace_back();
     for (std::size_t l = 0; l < answer.responses.size(); ++l) rendered.back().push_back(heard(room, l, answer.responses[l]));
   }
-  EnginePoint point = judge_twice(comparison, rendered);
+  EnginePoint point = compare_repeated_runs(comparison, rendered);
   point.engine = engine.name;
   point.setting = setting;
   point.allowed_ms = 1e3 * allowed_s;
@@ -243,7 +243,7 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
   comparison.rooms = comparison_rooms(quick);
   comparison.energies = exact_metrics(comparison.rooms);
   comparison.pressures = pressure_metrics(comparison.rooms);
-  EnginePoint& of_pressure = comparison.points.emplace_back(judge_twice(comparison, comparison.pressures));
+  EnginePoint& of_pressure = comparison.points.emplace_back(compare_repeated_runs(comparison, comparison.pressures));
   of_pressure.engine = "exact pressure of all images";
   of_pressure.setting = "what interference alone makes";
   of_pressure.ms = std::nan("");
@@ -263,7 +263,7 @@ EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool
       setting = own_settings(room, quick)[s];
       seconds += render_own(room, setting.config, rendered.emplace_back()) / static_cast<double>(comparison.rooms.size());
     }
-    EnginePoint point = judge_twice(comparison, rendered);
+    EnginePoint point = compare_repeated_runs(comparison, rendered);
     point.engine = setting.engine;
     point.setting = setting.setting;
     point.ms = 1e3 * seconds;

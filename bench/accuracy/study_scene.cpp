@@ -135,7 +135,7 @@ ModeResult StudyScene::run(const AccuracyMode& mode, const ModeBudget& budget) {
 ModeErrors StudyScene::measure_errors(const AccuracyMode& mode, const std::array<Draw, 2>& draws, const Rendering& rendering,
                                       double budget_s) const {
   constexpr std::size_t least_poses = 3;
-  const std::vector<std::size_t> order = spread_out(values_.size(), static_cast<std::size_t>(mode.every_how_many));
+  const std::vector<std::size_t> order = spread_out(values_.size(), static_cast<std::size_t>(mode.pose_stride));
   std::vector<std::optional<DrawnValues>> drawn(order.size());
   std::atomic<std::size_t> next{0};
   const Stopwatch watch;

@@ -38,14 +38,14 @@ std::vector<std::optional<double>> relative(const std::vector<BandErrors>& error
   return errors_of_value;
 }
 
-constexpr int kLeastRuns = 2, kMostRuns = 64;  // at a pose
+constexpr int kMinRuns = 2, kMaxRuns = 64;  // at a pose
 
 /// The pose whose standard error falls most by a further run, which takes 1 / (2 runs) of it; how many poses there are if all have enough.
 std::size_t worst_known(const std::vector<ConvergedPose>& truth) {
   std::size_t worst = truth.size();
   double most = -1;
   for (std::size_t i = 0; i < truth.size(); ++i) {
-    if (truth[i].runs >= kMostRuns) continue;
+    if (truth[i].runs >= kMaxRuns) continue;
     double sum = 0;
     for (const std::optional<double>& error : truth[i].t20_error) sum += error.value_or(1.0);
     if (sum / truth[i].runs > most) most = sum / truth[i].runs, worst = i;
@@ -108,7 +108,7 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
   EnergyResponse run;
   const auto add_run = [&](std::size_t i) {
     // Paths from the source of its own for each pose: what they err by is not common to all.
-    const auto words = seeds.bits4(static_cast<std::uint32_t>(i) * kMostRuns + static_cast<std::uint32_t>(truth[i].runs));
+    const auto words = seeds.bits4(static_cast<std::uint32_t>(i) * kMaxRuns + static_cast<std::uint32_t>(truth[i].runs));
     const AcousticScene seeded = high.with_rays(high.config().rays, (std::uint64_t{words[0]} << 32) | words[1]);
     compute_energy_response(seeded, candidates, poses[i].ears(), run);
     EnergyResponse& sum = truth[i].response;
@@ -126,7 +126,7 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
     append(run.batches, sum.batches);
     ++truth[i].runs;
   };
-  const std::size_t least = kLeastRuns * poses.size();
+  const std::size_t least = kMinRuns * poses.size();
   for (std::size_t done = 0; done < least; ++done) {
     add_run(done % poses.size());
     if (progress) progress(std::min(static_cast<double>(done + 1) / static_cast<double>(least), watch.wall_s() / seconds));

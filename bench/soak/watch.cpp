@@ -152,7 +152,7 @@ void SoakWatch::check_place(const BatchedEnv& env, std::size_t row) {
 
 void SoakWatch::check_loudness(const BatchedEnv& env, std::size_t row, std::span<const float> sound, double nearest_m) {
   const SoakEpisode& episode = episodes_.episodes[agents_[row].episode_index];
-  const double distance_m = std::max(nearest_m, static_cast<double>(kLeastDistanceM));
+  const double distance_m = std::max(nearest_m, static_cast<double>(kMinDistanceM));
   const double direct_pressure = 1 / (4 * std::numbers::pi * distance_m);
   const double expected = episode.dry_mean_square * (direct_pressure * direct_pressure + agents_[row].diffuse_energy);
   const std::size_t samples = sound.size() / 2;

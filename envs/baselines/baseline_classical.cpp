@@ -11,11 +11,11 @@
 namespace earshot {
 namespace {
 
-constexpr int kLook_steps = 4;         ///< turns at the start, which tell front from back
-constexpr double kAhead_m = 0.4;       ///< of the walk that it heads for
-constexpr double kReach_m = 3;         ///< it looks that far along the walk for a better place
-constexpr double kLeastGain_m = 0.25;  ///< towards the sound; with less the way is blocked
-constexpr double kDetour = 0.4;        ///< metres towards the sound that a metre of walking must bring
+constexpr int kLook_steps = 4;       ///< turns at the start, which tell front from back
+constexpr double kAhead_m = 0.4;     ///< of the walk that it heads for
+constexpr double kReach_m = 3;       ///< it looks that far along the walk for a better place
+constexpr double kMinGain_m = 0.25;  ///< towards the sound; with less the way is blocked
+constexpr double kDetour = 0.4;      ///< metres towards the sound that a metre of walking must bring
 constexpr double kBlockedRadius_m = 0.7, kSeenRadius_m = 0.4, kArrived_m = 0.35;
 constexpr double kFrontierAngle_m = 1.5;  ///< metres of walking that a frontier may be farther per radian nearer to the sound
 constexpr int kFrontier_steps = 60;
@@ -138,7 +138,7 @@ bool ClassicalAgent::must_return() const {
 std::optional<GridCell> ClassicalAgent::along_bearing(double bearing_rad) const {
   const double x = -std::sin(bearing_rad), z = -std::cos(bearing_rad);
   std::optional<GridCell> best;
-  double most_m = kLeastGain_m;
+  double most_m = kMinGain_m;
   for (const GridCell cell : planner_.reached()) {
     const double cost_m = planner_.cost_m(cell);
     if (cost_m > kReach_m) break;

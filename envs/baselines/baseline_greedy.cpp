@@ -18,7 +18,7 @@ constexpr float kOpen_m = 0.8f;       ///< free enough to walk off in an escape
 constexpr int kPatience_steps = 20;   ///< after which it must have come
 constexpr double kProgress_m = 0.45;  ///< as far as this
 constexpr float kExploration = 0.5f;
-constexpr double kLeastEscape_rad = std::numbers::pi / 4;
+constexpr double kMinEscape_rad = std::numbers::pi / 4;
 constexpr int kWalk_steps = 6, kLongestWalk_steps = 24;
 
 double decibels(double power) { return 10.0 * std::log10(std::max(power, 1e-30)); }
@@ -75,7 +75,7 @@ void GreedyAgent::escape(const BaselineObservation& observation, const RandomStr
     const float left_m = clearance_m(observation.depth, 0, 0.4), right_m = clearance_m(observation.depth, 0.6, 1);
     m.side = left_m > right_m || (left_m == right_m && random.uniform(0) < 0.5f) ? 1 : -1;
   }
-  const double least_rad = std::min(std::numbers::pi, kLeastEscape_rad * (1 + m.escapes));
+  const double least_rad = std::min(std::numbers::pi, kMinEscape_rad * (1 + m.escapes));
   m.turns = std::max(1, static_cast<int>(std::lround(least_rad / (task_.turn_deg * std::numbers::pi / 180.0))));
   m.turned = 0;
   m.walk = std::min(kLongestWalk_steps, kWalk_steps * (1 + m.escapes));

@@ -275,7 +275,7 @@ void EnvScheduler::gather(std::span<const std::uint32_t> done) {
     results.error = nullptr;
   }
   if (error) std::rethrow_exception(error);
-  parts_.faults.stop_if_none_begins(parts_.rows.active());
+  parts_.faults.check_live_environments(parts_.rows.active());
 }
 
 BatchCounters EnvScheduler::counters() const {

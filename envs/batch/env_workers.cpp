@@ -21,7 +21,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Tasks that a thread takes at once, at most.
-constexpr std::size_t kMostAtOnce = 8;
+constexpr std::size_t kMaxAtOnce = 8;
 /// Threads that stand in for those whose tasks were given up and still run: beyond that many the batch has none left.
 constexpr std::size_t kMaxReplacements = 64;
 /// A batch without sound and picture takes some ten microseconds, and so does waking a thread: this long a thread looks for work before
@@ -85,12 +85,12 @@ struct EnvWorkers::Shared {
   /// Tasks that a thread takes at once, of so many that wait: fewer and fewer, so that threads end together.  With a limit one, as
   /// tasks behind one that stalls would wait with it.
   [[nodiscard]] std::uint64_t tasks_at_once(std::uint64_t waiting) const {
-    return stage_limit_s > 0 ? 1 : std::clamp<std::uint64_t>(waiting / (2 * threads_wanted), 1, kMostAtOnce);
+    return stage_limit_s > 0 ? 1 : std::clamp<std::uint64_t>(waiting / (2 * threads_wanted), 1, kMaxAtOnce);
   }
 
   /// Runs some tasks, if any wait.  False: none did.  gone: set if this worker was given up meanwhile.
   bool work(std::size_t number, bool& gone) {
-    std::array<std::uint32_t, kMostAtOnce> envs;
+    std::array<std::uint32_t, kMaxAtOnce> envs;
     std::uint64_t first = claimed.load(std::memory_order_relaxed), count = 0;
     do {
       const std::uint64_t last = pushed.load(std::memory_order_acquire);

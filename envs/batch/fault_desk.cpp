@@ -15,7 +15,7 @@ namespace earshot {
 namespace {
 
 /// After this many episodes that could not begin, and none that could, the set counts as unusable.
-constexpr std::uint64_t kHopelessStarts = 64, kMostOutOfMemory = 64;
+constexpr std::uint64_t kHopelessStarts = 64, kMaxOutOfMemory = 64;
 
 }  // namespace
 
@@ -74,12 +74,12 @@ FinishedEpisode FaultDesk::failed_episode(const Agent& agent, const FaultReport&
 }
 
 void FaultDesk::stop_if_out_of_memory() const {
-  if (out_of_memory_ >= kMostOutOfMemory)
+  if (out_of_memory_ >= kMaxOutOfMemory)
     throw RunError("environments",
                    fmt::format("are out of memory: {} stages of episodes could not have what they need", out_of_memory_.load()));
 }
 
-void FaultDesk::stop_if_none_begins(std::span<const std::uint8_t> active) const {
+void FaultDesk::check_live_environments(std::span<const std::uint8_t> active) const {
   stop_if_out_of_memory();
   if (begun_ > 0 || failed_starts_ < std::min<std::uint64_t>(kHopelessStarts, setup_->set->episodes.size())) return;
   if (std::ranges::any_of(active, [](std::uint8_t flag) { return flag != 0; })) return;

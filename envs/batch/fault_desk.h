@@ -57,7 +57,7 @@ class FaultDesk {
   /// Throws RunError where so many stages were out of memory that no end of it is to be expected.
   void stop_if_out_of_memory() const;
   /// The same; throws InputError where none of many episodes could begin and no env has one.  active: [rows].
-  void stop_if_none_begins(std::span<const std::uint8_t> active) const;
+  void check_live_environments(std::span<const std::uint8_t> active) const;
 
  private:
   const BatchSetup* setup_;

@@ -109,9 +109,9 @@ QuarantineRecord decode_quarantine_record(std::string_view text, const std::stri
   } catch (const std::logic_error&) {  // std::stoull
     fail("cannot be read: set_hash is not a hexadecimal number");
   }
-  constexpr int kMostEnvs = 1 << 30;
-  if (record.env < 0 || record.env > kMostEnvs) fail("contains an invalid env");
-  if (record.episode_count < 0 || record.episode_count > kMostEnvs) fail("contains an invalid episode_count");
+  constexpr int kMaxEnvs = 1 << 30;
+  if (record.env < 0 || record.env > kMaxEnvs) fail("contains an invalid env");
+  if (record.episode_count < 0 || record.episode_count > kMaxEnvs) fail("contains an invalid episode_count");
   std::size_t longest = record.actions.size();
   for (const auto& actions : record.others) longest = std::max(longest, actions.size());
   if (record.step < 0 || static_cast<std::size_t>(record.step) > longest) fail("contains fewer actions than steps");

@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMostScenes = 3;
+constexpr std::size_t kMaxScenes = 3;
 
 using Goal = std::array<double, 3>;
 Goal goal_of(const Episode& episode) { return {episode.goal_position.x, episode.goal_position.y, episode.goal_position.z}; }
@@ -68,7 +68,7 @@ EnvAccuracy plan_env_accuracy(const EnvConfig& config, const EpisodeSet& set, co
   plain.acoustics.field = Switch::off;  // places and goals are asked of the cache, not sound
   const std::shared_ptr<SceneCache> cache = make_scene_cache(plain);
   const std::vector<std::size_t> scenes = one_per_scene(set);
-  const std::size_t count = std::min(scenes.size(), kMostScenes);
+  const std::size_t count = std::min(scenes.size(), kMaxScenes);
   for (std::size_t i = 0; i < count; ++i) {
     const Episode& episode = set.episodes[scenes[count == 1 ? 0 : i * (scenes.size() - 1) / (count - 1)]];
     const auto source = cache->source(episode.scene_id, episode.goal_position, config.task.source_height_m);

@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kPhotonsAtUnitError = 1.8 * 1.8, kLeastPhotons = 512;
+constexpr double kPhotonsAtUnitError = 1.8 * 1.8, kMinPhotons = 512;
 constexpr double kRaysPerPhoton = 2.5, kRaysPerGather = 2.5;
 constexpr double kNewPlacesPerStep = 0.4;
 constexpr double kFieldGain = 2;
@@ -45,7 +45,7 @@ FieldChoice choose_field(const AcousticConfig& acoustics, const EpisodeSet& set,
   choice.goals = goals.size();
   choice.places_per_goal = kNewPlacesPerStep * (steps > 0 ? steps : once) / static_cast<double>(std::max<std::size_t>(goals.size(), 1));
   const double error = acoustics.field_error;
-  choice.photons = std::min(std::max(kPhotonsAtUnitError / (error * error), kLeastPhotons), static_cast<double>(acoustics.field_photons));
+  choice.photons = std::min(std::max(kPhotonsAtUnitError / (error * error), kMinPhotons), static_cast<double>(acoustics.field_photons));
   choice.field_rays = kRaysPerPhoton * choice.photons + kRaysPerGather * choice.places_per_goal;
   choice.traced_rays = static_cast<double>(acoustics.rays) * choice.places_per_goal;
   choice.on = choice.unfit.empty() && choice.traced_rays > kFieldGain * choice.field_rays;

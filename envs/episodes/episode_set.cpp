@@ -23,7 +23,7 @@ using nlohmann::json;
 
 constexpr std::size_t kMaxTextBytes = std::size_t{1} << 30;
 /// Sets of thousands of episodes shrink ten to thirty times; zeros do a thousand times.
-constexpr std::size_t kMaxGrowth = 100, kLeastTextBytes = std::size_t{16} << 20;
+constexpr std::size_t kMaxGrowth = 100, kMinTextBytes = std::size_t{16} << 20;
 /// Of one episode, and of what lies around them: an honest one has some tens of values.
 constexpr JsonLimits kEpisodeLimits{.values = 2'000'000, .texts = 500'000, .lists = 100'000, .per_depth = 3};
 constexpr const char* kGeneratorKey = "earshot_generator";
@@ -262,7 +262,7 @@ ParsedSet parse_text(std::string_view text, const std::string& where) {
 
 ParsedSet parse_bytes(std::string_view bytes, const std::string& where) {
   if (!is_gzip(bytes)) return parse_text(bytes, where);
-  const std::size_t most = std::min(kMaxTextBytes, std::max(kLeastTextBytes, kMaxGrowth * bytes.size()));
+  const std::size_t most = std::min(kMaxTextBytes, std::max(kMinTextBytes, kMaxGrowth * bytes.size()));
   return parse_text(gunzip(bytes, where, most), where);
 }
 

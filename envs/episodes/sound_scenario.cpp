@@ -64,7 +64,7 @@ void apply_scenario(const SoundScenario& scenario, std::span<const std::string> 
     goal.onset_s = static_cast<double>(scenario.onset_low_s + span_s * random.uniform(SoundDraw::onset));
     if (scenario.duration_mean_s >= 0)
       goal.duration_s = static_cast<double>(std::max(
-          SoundScenario::kLeastDurationS, scenario.duration_mean_s + scenario.duration_std_s * random.normal2(SoundDraw::duration)[0]));
+          SoundScenario::kMinDurationS, scenario.duration_mean_s + scenario.duration_std_s * random.normal2(SoundDraw::duration)[0]));
     episode.sources = {goal};
 
     std::vector<glm::dvec3> free;

@@ -14,11 +14,11 @@ namespace earshot {
 /// from a normal distribution of 15 s and 9 s.
 struct SoundScenario {
   float onset_low_s = 0, onset_high_s = 0;         ///< uniform
-  float duration_mean_s = -1, duration_std_s = 0;  ///< normal, at least kLeastDurationS; a mean below 0: to the end of the episode
+  float duration_mean_s = -1, duration_std_s = 0;  ///< normal, at least kMinDurationS; a mean below 0: to the end of the episode
   int distractors = 0;                             ///< other sounds at other places of the scene, playing throughout
   float distractor_level_db = 0;                   ///< over the level of their clips
   float noise_snr_db = kNoNoiseDb;                 ///< Episode::noise_snr_db; kNoNoiseDb and more: none
-  static constexpr float kLeastDurationS = 1, kNoNoiseDb = 200;
+  static constexpr float kMinDurationS = 1, kNoNoiseDb = 200;
 
   /// Whether episodes differ from those of the AudioNav layout.
   [[nodiscard]] bool changes_episodes() const;

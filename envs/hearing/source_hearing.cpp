@@ -25,7 +25,7 @@ HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, co
                                const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra, double most_speed_m_per_s)
     : synthesizer(tables),
       convolver(stream, 2, std::move(dry_spectra)),
-      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMostSlope)),
+      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMaxSlope)),
       crossfade_samples(stream.crossfade_samples),
       max_rir_samples(stream.max_rir_samples),
       analyzer(spectrogram),
@@ -67,7 +67,7 @@ void SourceHearing::trace(const Pose& pose, float ear_height_m, ListenerMemory* 
   }
   ears_ = pose.position + glm::vec3(0, ear_height_m, 0);
   const SourceField* field = played_.moving ? nullptr : played_.source->sound_field.get();
-  if (memory && !field) response_.memory.use_those_of(*memory);
+  if (memory && !field) response_.memory.use_memory_of(*memory);
   compute_energy_response(scene().acoustics, candidates, field, ears_, response_);
   traced_source_ = candidates.source();
   effects_.add(response_.effects);

@@ -99,8 +99,8 @@ void validate(const ObservationSpec& spec) {
           "has no effect without observation.spectrogram");
   check_values(spec, "observation");
   const TopdownMapConfig untouched;
-  const auto require_map = [&](bool as_it_was, const char* key, const auto& value) {
-    require(spec.topdown_map || as_it_was, key, value, "has no effect without observation.topdown_map");
+  const auto require_map = [&](bool is_default, const char* key, const auto& value) {
+    require(spec.topdown_map || is_default, key, value, "has no effect without observation.topdown_map");
   };
   require_map(spec.map.size_px == untouched.size_px, "observation.map.size_px", spec.map.size_px);
   require_map(spec.map.metres_per_px == untouched.metres_per_px, "observation.map.metres_per_px", spec.map.metres_per_px);

@@ -105,14 +105,14 @@ Standing standing_by_senses(const EvaluationResult& result, const std::string& w
     if (reads_simulator(*baseline)) return {.track = kAnything, .rests_on = {}, .apart = "it reads the goal and the map of the simulator"};
     const auto read = read_by(*baseline, benchmark.run.env.observation);
     if (const Track* track = track_of(benchmark.tracks, read)) return {.track = track->name, .rests_on = {}, .apart = {}};
-    return {.track = kAnything, .rests_on = {}, .apart = "it " + why_no_track(benchmark.tracks, read)};
+    return {.track = kAnything, .rests_on = {}, .apart = "it " + no_track_reason(benchmark.tracks, read)};
   }
   const EnvConfig theirs = env_of_senses(result.senses, where);
   const std::vector<SensorSpec> read = sensor_table(theirs.observation, 1);
   const auto changed = changed_settings(ours, result.senses, read);
   const Track* track = track_of(benchmark.tracks, read);
   if (track != nullptr && changed.empty() && result.track.empty()) return {.track = track->name, .rests_on = {}, .apart = {}};
-  std::string why = track == nullptr  ? why_no_track(benchmark.tracks, read)
+  std::string why = track == nullptr  ? no_track_reason(benchmark.tracks, read)
                     : changed.empty() ? fmt::format("asked for the track '{}'", kAnything)
                                       : fmt::format("reads sensors with {} = {}, but {} has {}", changed[0].key, changed[0].theirs,
                                                     named(benchmark), changed[0].ours);
@@ -135,7 +135,7 @@ EnvConfig env_for_policy(const Benchmark& benchmark, const EnvConfig& benchmark_
     return env;
   }
   if (track_of(benchmark.tracks, read) == nullptr)
-    throw InputError(where, fmt::format("{}: {} refuses it", why_no_track(benchmark.tracks, read), named(benchmark)), kOtherTrack);
+    throw InputError(where, fmt::format("{}: {} refuses it", no_track_reason(benchmark.tracks, read), named(benchmark)), kOtherTrack);
   const auto changed = changed_settings(sensed_config(benchmark_env), sensed_config(policy_env), read);
   if (!changed.empty())
     throw InputError(

@@ -26,7 +26,7 @@ PairedMetric paired(const EvaluationResult& first, const EvaluationResult& secon
     ++(a > b ? metric.wins : a < b ? metric.losses : metric.ties);
   }
   metric.difference = mean_with_interval(differences);
-  if (numbers.size() >= EvaluationResult::kLeastScenes) {
+  if (numbers.size() >= EvaluationResult::kMinScenes) {
     const Estimate over_scenes = mean_with_group_interval(differences, scenes);
     metric.difference.low = std::min(metric.difference.low, over_scenes.low);
     metric.difference.high = std::max(metric.difference.high, over_scenes.high);

@@ -28,9 +28,9 @@ namespace earshot {
 namespace {
 
 /// Beyond what configs are written with, and far more of them than could be tried.
-constexpr std::uint64_t kLeastSeed = 1'000'000'000, kSeedCount = std::uint64_t{1} << 48;
+constexpr std::uint64_t kMinSeed = 1'000'000'000, kSeedCount = std::uint64_t{1} << 48;
 /// Of one scene or sound.
-constexpr int kMostDraws = 20;
+constexpr int kMaxDraws = 20;
 
 /// Where a file is written before it has its name: beside it, so that it can be renamed.
 std::filesystem::path folder_of(const std::filesystem::path& file) {
@@ -98,7 +98,7 @@ std::vector<std::string> draw_sounds(const Benchmark& benchmark, const SecretSee
         sounds.push_back(drawn[0]);
         break;
       }
-      if (draws == kMostDraws)
+      if (draws == kMaxDraws)
         throw InputError(sound, fmt::format("has no replacement: all {} draws are {} '{}'", draws, found->why, found->trained),
                          "use sounds with more variants");
     }
@@ -115,16 +115,16 @@ std::vector<std::vector<Episode>> draw_scenes(const Benchmark& benchmark, const 
   EpisodeMaker maker(data, run.env.task, make_scene_cache(run.env));
   Progress progress("private episodes", "scene", asked.size());
   const auto draw_scene = [&](std::size_t i) {
-    while (draws[i]++ < kMostDraws) {
+    while (draws[i]++ < kMaxDraws) {
       data.scenes[i] = other_scene(asked[i], draw);
       try {
         episodes[i] = maker.make(data.scenes[i]);
         return;
       } catch (const InputError&) {
-        if (draws[i] == kMostDraws) throw;
+        if (draws[i] == kMaxDraws) throw;
       }
     }
-    throw InputError(asked[i], fmt::format("has no replacement: none of {} draws fits", kMostDraws), "use scenes with more variants");
+    throw InputError(asked[i], fmt::format("has no replacement: none of {} draws fits", kMaxDraws), "use scenes with more variants");
   };
   for (std::size_t i = 0; i < asked.size(); ++i) {
     draw_scene(i);
@@ -141,7 +141,7 @@ std::vector<std::vector<Episode>> draw_scenes(const Benchmark& benchmark, const 
 std::uint64_t secret_seed() {
   std::uint64_t bits = 0;
   if (::getrandom(&bits, sizeof(bits), 0) != sizeof(bits)) throw RunError("getrandom", "returned no random bytes");
-  return kLeastSeed + bits % kSeedCount;
+  return kMinSeed + bits % kSeedCount;
 }
 
 Benchmark with_private_set(const Benchmark& benchmark, const std::filesystem::path& file) {

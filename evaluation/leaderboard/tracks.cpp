@@ -108,7 +108,7 @@ const Track* track_of(std::span<const Track> tracks, std::span<const SensorSpec>
   return nullptr;
 }
 
-std::string why_no_track(std::span<const Track> tracks, std::span<const SensorSpec> read) {
+std::string no_track_reason(std::span<const Track> tracks, std::span<const SensorSpec> read) {
   for (const SensorSpec& sensor : read) {
     const auto has = [&](const Track& track) { return std::ranges::count(track.sensors, sensor.name) > 0; };
     if (std::ranges::any_of(tracks, has)) continue;

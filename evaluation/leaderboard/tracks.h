@@ -30,7 +30,7 @@ std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& of)
 /// The first track that has all of these sensors; null: none has, or none of them is of the ears.
 const Track* track_of(std::span<const Track> tracks, std::span<const SensorSpec> read);
 /// Why track_of gives none, in words: the first sensor that is in none of the tracks, or that nothing is heard.
-std::string why_no_track(std::span<const Track> tracks, std::span<const SensorSpec> read);
+std::string no_track_reason(std::span<const Track> tracks, std::span<const SensorSpec> read);
 
 /// A setting of sensors that are read which differs from the benchmark's: its key, and both values; empty: none does.  ours, theirs: as
 /// sensed_config gives them.

@@ -142,7 +142,7 @@ Estimate fraction_with_interval(std::uint64_t hits, std::uint64_t n) {
 bool EvaluationResult::intervals_over_scenes() const {
   std::set<std::string_view> scenes;
   for (const auto& row : episodes) scenes.insert(row.scene);
-  return scenes.size() >= kLeastScenes;
+  return scenes.size() >= kMinScenes;
 }
 
 Estimate EvaluationResult::success() const {
@@ -287,7 +287,7 @@ EvaluationResult load_result(const std::filesystem::path& path) {
     if (json.contains("checksum")) {
       const auto checksum = json.at("checksum").get<std::string>();
       json.erase("checksum");
-      result.is_as_written = checksum == checksum_of(json);
+      result.matches_checksum = checksum == checksum_of(json);
     }
     if (json.contains("summary")) read_summary(json.at("summary"), result);
     for (const auto& row : json.at("episodes")) {

@@ -67,14 +67,14 @@ struct EvaluationResult {
   /// Of a file that was read: what it says of itself, which may not be so.
   std::map<std::string, Estimate> claimed_summary = {};
   std::uint64_t claimed_episodes = 0;
-  bool is_as_written = true;              ///< its checksum is that of the rest, or it has none (older files)
+  bool matches_checksum = true;           ///< its checksum is that of the rest, or it has none (older files)
   bool verified = false;                  ///< set where it was, in this process; no file says it
   std::optional<Standing> standing = {};  ///< the same
 
-  /// Whether intervals are those of a bootstrap over scenes, or of episodes where those are wider; with fewer than kLeastScenes they are of
+  /// Whether intervals are those of a bootstrap over scenes, or of episodes where those are wider; with fewer than kMinScenes they are of
   /// episodes: Wilson's for fractions, else Student's t.
   [[nodiscard]] bool intervals_over_scenes() const;
-  static constexpr std::size_t kLeastScenes = 5;
+  static constexpr std::size_t kMinScenes = 5;
   [[nodiscard]] Estimate success() const;
   [[nodiscard]] Estimate spl() const;
   [[nodiscard]] Estimate soft_spl() const;

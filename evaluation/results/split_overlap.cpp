@@ -22,13 +22,13 @@ constexpr float kCellM = 0.05f;
 constexpr float kSampleRateHz = 16000.f;
 
 /// Rising, each once; 21 bits an axis, which are 100 km.
-constexpr std::uint64_t kMostCell = (std::uint64_t{1} << 21) - 1;
+constexpr std::uint64_t kMaxCell = (std::uint64_t{1} << 21) - 1;
 using Cells = std::vector<std::uint64_t>;
 
 Cells cells_of(const TriangleMesh& mesh) {
   glm::vec3 low(std::numeric_limits<float>::max());
   for (const glm::vec3 vertex : mesh.vertices) low = glm::min(low, vertex);
-  const auto bits = [](float cell) { return std::min(static_cast<std::uint64_t>(cell), kMostCell); };
+  const auto bits = [](float cell) { return std::min(static_cast<std::uint64_t>(cell), kMaxCell); };
   Cells cells;
   cells.reserve(mesh.vertices.size());
   for (const glm::vec3 vertex : mesh.vertices) {
@@ -45,9 +45,9 @@ double overlap(const Cells& a, const Cells& b) {
   std::size_t common = 0;
   for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
     common += a[i] == b[j] ? 1 : 0;
-    const bool first_is_less = a[i] < b[j], second_is_less = b[j] < a[i];
-    i += second_is_less ? 0 : 1;
-    j += first_is_less ? 0 : 1;
+    const bool first_precedes = a[i] < b[j], second_precedes = b[j] < a[i];
+    i += second_precedes ? 0 : 1;
+    j += first_precedes ? 0 : 1;
   }
   return static_cast<double>(common) / static_cast<double>(std::min(a.size(), b.size()));
 }

@@ -180,7 +180,7 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
 
 Verification verify_result(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const MetricRules& rules,
                            const VerifyConfig& config) {
-  if (!result.is_as_written) throw InputError(where, "was changed after it was written: the checksum does not match", kRemedy);
+  if (!result.matches_checksum) throw InputError(where, "was changed after it was written: the checksum does not match", kRemedy);
   if (result.episodes.empty()) throw InputError(where, "contains no episodes", kRemedy);
   check_head(result, where, set, config);
   check_order(result, where, set);

@@ -17,7 +17,7 @@ constexpr std::chrono::milliseconds kBetweenTries(5);
 
 /// Whether `path` still names the file behind the descriptor: the holder before removes the file, and a lock on a removed one excludes
 /// no other process.
-bool is_the_file_of(const std::filesystem::path& path, int descriptor) {
+bool is_file_at(const std::filesystem::path& path, int descriptor) {
   struct stat held {};
   struct stat named {};
   return ::fstat(descriptor, &held) == 0 && ::stat(path.c_str(), &named) == 0 && held.st_dev == named.st_dev && held.st_ino == named.st_ino;
@@ -41,7 +41,7 @@ std::optional<FileLock> FileLock::acquire(const std::filesystem::path& path, std
     const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, 0666);
     if (descriptor < 0) return std::nullopt;
     if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) {
-      if (is_the_file_of(path, descriptor)) return FileLock(path, descriptor);
+      if (is_file_at(path, descriptor)) return FileLock(path, descriptor);
     } else if (errno != EWOULDBLOCK && errno != EINTR) {
       ::close(descriptor);
       return std::nullopt;

@@ -20,7 +20,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::int32_t kMostElements = 1 << 24;
+constexpr std::int32_t kMaxElements = 1 << 24;
 
 /// The arrays of a Detour tile, in the order and with the alignment of dtCreateNavMeshData (DetourNavMeshBuilder.cpp).
 struct Tile {
@@ -63,7 +63,7 @@ bool read_tile(std::string_view bytes, Tile& tile) {
   const dtMeshHeader& h = tile.header;
   if (h.magic != DT_NAVMESH_MAGIC || h.version != DT_NAVMESH_VERSION || h.x != 0 || h.y != 0 || h.layer != 0) return false;
   for (const int count : {h.polyCount, h.vertCount, h.maxLinkCount, h.detailMeshCount, h.detailVertCount, h.detailTriCount, h.bvNodeCount})
-    if (count < 0 || count > kMostElements) return false;
+    if (count < 0 || count > kMaxElements) return false;
   if (h.polyCount == 0 || h.detailMeshCount != h.polyCount || h.offMeshConCount != 0 || h.offMeshBase != h.polyCount) return false;
   Arrays arrays(bytes.substr((sizeof h + 3) / 4 * 4));
   std::vector<dtLink> links;  // Detour makes them anew

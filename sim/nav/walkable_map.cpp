@@ -90,7 +90,7 @@ WalkableMap::WalkableMap(const Navmesh& navmesh) {
   }
   const double width_m = std::max(0.0, most.x - least.x), depth_m = std::max(0.0, most.z - least.z);
   double cell_m = static_cast<double>(nav.config.cell_size_m);
-  cell_m = std::max(cell_m, std::sqrt(width_m * depth_m / static_cast<double>(kMostCells)));
+  cell_m = std::max(cell_m, std::sqrt(width_m * depth_m / static_cast<double>(kMaxCells)));
   const auto cells = [&](double length_m) { return static_cast<std::size_t>(std::ceil(length_m / cell_m)) + 1; };
   const std::size_t columns = cells(width_m), rows = cells(depth_m);
   low_ = glm::vec2(static_cast<float>(least.x), static_cast<float>(least.z));

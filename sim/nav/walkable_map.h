@@ -19,7 +19,7 @@ namespace earshot {
 class WalkableMap {
  public:
   /// Cells at most; a larger surface gets larger cells.
-  static constexpr std::size_t kMostCells = 16'000'000;
+  static constexpr std::size_t kMaxCells = 16'000'000;
   explicit WalkableMap(const Navmesh& navmesh);
 
   /// Whether the middle of the cell around (x, z) is walkable within kStoreyM of this height.

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/rays/certain_block.h"
 #include "sim/rays/embree_options.h"
 #include "sim/rays/embree_query.h"
 #include "sim/rays/hit_surface.h"
-#include "sim/rays/sure_block.h"
 
 namespace earshot {
 namespace {
@@ -323,7 +323,7 @@ bool EmbreeScene::occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker)
   if (!is_near(from) || !is_near(to)) return true;  // outside of all scenes
   if (blocker < handles_->surfaces.size()) {
     const HitSurface& surface = handles_->surfaces[blocker];
-    if (surely_blocks(surface.a, surface.b, surface.c, from, to)) return true;
+    if (certainly_blocks(surface.a, surface.b, surface.c, from, to)) return true;
   }
   Segment segment(from, to, handles_->surfaces.data());
   occlude_one(handles_->scene.get(), segment.base, keep_blocker, segment.ray);

@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::uint64_t kMostTexts = 1 << 24;
+constexpr std::uint64_t kMaxTexts = 1 << 24;
 
 void put_texts(ByteWriter& writer, const std::vector<std::string>& texts) {
   writer.put(static_cast<std::uint64_t>(texts.size()));
@@ -24,7 +24,7 @@ void put_texts(ByteWriter& writer, const std::vector<std::string>& texts) {
 
 std::vector<std::string> take_texts(ByteReader& reader) {
   const auto count = reader.take<std::uint64_t>();
-  reader.check(count <= kMostTexts);
+  reader.check(count <= kMaxTexts);
   std::vector<std::string> texts;
   for (std::uint64_t i = 0; i < count; ++i) texts.push_back(reader.take_text());
   return texts;
@@ -120,7 +120,7 @@ ImportReport take_report(ByteReader& reader) {
   if (simplified) report.simplified = simplification;
   report.warnings = take_texts(reader);
   const auto count = reader.take<std::uint64_t>();
-  reader.check(count <= kMostTexts);
+  reader.check(count <= kMaxTexts);
   for (std::uint64_t i = 0; i < count; ++i) report.choices.push_back(take_choice(reader));
   report.has_semantics = reader.take<std::uint8_t>() != 0;
   const bool has_axes = reader.take<std::uint8_t>() != 0;

@@ -49,7 +49,7 @@ class InputHash {
     return bytes;
   }
   /// A file that may be absent.
-  void add_if_there(const fs::path& path) {
+  void add_existing(const fs::path& path) {
     std::error_code error;
     if (fs::is_regular_file(path, error)) {
       add_file(path);
@@ -61,7 +61,7 @@ class InputHash {
     if (name.find('\\') != std::string::npos || name.find('%') != std::string::npos) throw Unknown{};  // an escape: another name
     add_text(name);
     const fs::path path = folder / name;
-    if (!is_picture(path)) return add_if_there(path);
+    if (!is_picture(path)) return add_existing(path);
     std::error_code error;
     const auto size = fs::file_size(path, error);
     add_text(error ? "absent" : std::to_string(size));
@@ -97,7 +97,7 @@ void add_material_libraries(InputHash& hash, const fs::path& mesh, std::string_v
   const ObjLibraries libraries = find_obj_libraries(text, mesh);
   for (const std::vector<fs::path>* list : {&libraries.found, &libraries.missing})
     for (const fs::path& library : *list) hash.add_reference(mesh.parent_path(), library.lexically_relative(mesh.parent_path()).string());
-  hash.add_if_there(fs::path(mesh).replace_extension(".mtl"));
+  hash.add_existing(fs::path(mesh).replace_extension(".mtl"));
 }
 
 /// Pictures that material libraries among the files name.

@@ -11,7 +11,7 @@ namespace earshot {
 namespace {
 
 constexpr int kLargestTargetSide = 8192;
-constexpr std::size_t kMostPixelsAtOnce = std::size_t{1} << 24;  // 256 MiB of words; a longer batch takes several transfers
+constexpr std::size_t kMaxPixelsAtOnce = std::size_t{1} << 24;  // 256 MiB of words; a longer batch takes several transfers
 
 }  // namespace
 
@@ -83,7 +83,7 @@ bool EglBatch::render(const CameraSensorConfig& config, std::span<const EglView>
   if (width > largest_side_px_ || height > largest_side_px_)
     throw InputError("camera", "is larger than the device supports", "reduce its size, or use the embree renderer");
   const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height), bytes = pixels * sizeof(PixelWord);
-  const std::size_t most = std::max<std::size_t>(1, kMostPixelsAtOnce / pixels);
+  const std::size_t most = std::max<std::size_t>(1, kMaxPixelsAtOnce / pixels);
   require_target(width, height);
   glBindFramebuffer(GL_FRAMEBUFFER, target_->framebuffer.get());
   glViewport(0, 0, width, height);

@@ -42,7 +42,7 @@ KernelLock lock_description(int descriptor) {
 }
 
 /// The holder before removes the file at its end, and a lock on a removed one excludes no other process.
-bool names_the_file_of(const std::filesystem::path& path, int descriptor) {
+bool is_file_at(const std::filesystem::path& path, int descriptor) {
   struct stat held {
   }, named{};
   return ::fstat(descriptor, &held) == 0 && ::stat(path.c_str(), &named) == 0 && held.st_dev == named.st_dev && held.st_ino == named.st_ino;
@@ -92,7 +92,7 @@ bool RunLock::try_kernel(const LockRecord& record, const RunLockOptions& options
   const KernelLock outcome = lock_description(descriptor.get());
   if (outcome == KernelLock::unknown)
     throw InputError(file_.string(), "cannot be locked: " + last_error(), fmt::format("set {}=lease", kKindVariable));
-  if (outcome == KernelLock::held || !names_the_file_of(file_, descriptor.get())) return false;
+  if (outcome == KernelLock::held || !is_file_at(file_, descriptor.get())) return false;
   // A holder on another host that sees this disk as a shared one.
   const auto former = read_lock_record(descriptor.get());
   if (former && former->is_lease && former->run != record.run && !is_old_lease(file_, options.lease)) return false;
@@ -147,7 +147,7 @@ std::shared_ptr<RunLock> RunLock::inherited(const std::filesystem::path& folder)
   lock->is_inherited_ = true;
   lock->run_ = run;
   if (descriptor >= 0) {
-    if (!names_the_file_of(lock->file_, descriptor)) return nullptr;  // a number that is left over from elsewhere
+    if (!is_file_at(lock->file_, descriptor)) return nullptr;  // a number that is left over from elsewhere
     ::fcntl(descriptor, F_SETFD, FD_CLOEXEC);
     lock->descriptor_ = descriptor;
   } else if (const auto holder = record_in(lock->file_); !holder || holder->run != run) {
@@ -161,7 +161,7 @@ std::string RunLock::variable() const { return fmt::format("{}={} {}", kVariable
 RunLock::~RunLock() {
   lease_.reset();
   if (descriptor_ >= 0) {
-    if (!is_inherited_ && names_the_file_of(file_, descriptor_)) ::unlink(file_.c_str());
+    if (!is_inherited_ && is_file_at(file_, descriptor_)) ::unlink(file_.c_str());
     ::close(descriptor_);
   }
   for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder)

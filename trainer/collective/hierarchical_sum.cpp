@@ -227,10 +227,12 @@ void HierarchicalSum::sum_chunks(Operation operation, std::span<T> buffer) {
   const auto look = [&](int awaited) { check(operation, buffer.size_bytes(), awaited); };
   due_.clear();
   // The leader's own addend of such a chunk comes last, so that its buffer has to keep it.
-  const auto lacks_own = [](const HostRing::Visit& visit) { return visit.work == HostRing::Work::begin && !visit.of_first_segment; };
+  const auto starts_without_own_values = [](const HostRing::Visit& visit) {
+    return visit.work == HostRing::Work::begin && !visit.of_first_segment;
+  };
   std::size_t begun = 0;  // bytes
   if (leads()) {
-    for (const HostRing::Visit& visit : visits) begun += lacks_own(visit) ? visit.count * sizeof(T) : 0;
+    for (const HostRing::Visit& visit : visits) begun += starts_without_own_values(visit) ? visit.count * sizeof(T) : 0;
     begun_.resize(begun);
     begun = 0;
   }
@@ -243,9 +245,9 @@ void HierarchicalSum::sum_chunks(Operation operation, std::span<T> buffer) {
   }
 
   for (const HostRing::Visit& visit : visits) {
-    const bool begun_here = leads() && lacks_own(visit);
-    T* const target = begun_here ? reinterpret_cast<T*>(begun_.data() + begun) : buffer.data() + visit.first;
-    if (begun_here) begun += visit.count * sizeof(T);
+    const bool starts_on_this_host = leads() && starts_without_own_values(visit);
+    T* const target = starts_on_this_host ? reinterpret_cast<T*>(begun_.data() + begun) : buffer.data() + visit.first;
+    if (starts_on_this_host) begun += visit.count * sizeof(T);
     std::optional<PeerMesh::Frame> frame;
     if (leads() && visit.work != HostRing::Work::begin) frame = next_frame(operation, buffer, visit);
     const zmq::message_t* const came = frame ? &frame->payload : nullptr;

@@ -59,7 +59,7 @@ void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check
   const auto [rank, world_size] = identity_;
   const auto world = static_cast<std::size_t>(world_size);
   workers_.state_call(buffer_index(), operation, buffer.size_bytes());
-  const bool each_sums_all = world_size == 2 || buffer.size_bytes() < kSmallSumBytes;
+  const bool every_rank_sums = world_size == 2 || buffer.size_bytes() < kSmallSumBytes;
   const auto slot_of = [&](int of) { return reinterpret_cast<const T*>(slot(of)); };
 
   // An empty buffer is one empty chunk: all calls are collective.  A slot is written again two chunks later.  By then every worker has
@@ -69,10 +69,10 @@ void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check
     const std::size_t count = std::min(kSharedChunk / sizeof(T), buffer.size() - first);
     T* const out = buffer.data() + first;
     if (count > 0) std::memcpy(slot(rank), out, count * sizeof(T));
-    workers_.announce(progress_ + (each_sums_all ? 2 : 1));
-    workers_.wait_for_all(progress_ + (each_sums_all ? 2 : 1), check);
+    workers_.announce(progress_ + (every_rank_sums ? 2 : 1));
+    workers_.wait_for_all(progress_ + (every_rank_sums ? 2 : 1), check);
     if (first == 0) workers_.compare_calls(buffer_index(), operation, buffer.size_bytes());
-    if (each_sums_all) {
+    if (every_rank_sums) {
       sum_in_order(out, first, count, buffer.size(), world_size, slot_of);
     } else {
       T* const results = reinterpret_cast<T*>(slot(world_size));

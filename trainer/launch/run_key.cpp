@@ -17,7 +17,7 @@
 namespace earshot {
 namespace {
 
-constexpr int kMostTries = 100;  // each fails where the last worker of another run removes the file meanwhile
+constexpr int kMaxTries = 100;  // each fails where the last worker of another run removes the file meanwhile
 
 void make_private_folder(const std::filesystem::path& folder) {
   if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) throw RunError(folder.string(), "cannot be created: " + last_error());
@@ -42,7 +42,7 @@ void make_keys(const std::filesystem::path& file) {
 RunKey::RunKey(const std::string& run_id, const std::string& rendezvous)
     : folder_(parent_of_sockets() / fmt::format("earshot-{}-{}", ::geteuid(), hex64(hash64(run_id + "\n" + rendezvous, 2)))),
       file_(folder_ / "curve.keys") {
-  for (int tries = 0; tries < kMostTries; ++tries) {
+  for (int tries = 0; tries < kMaxTries; ++tries) {
     make_private_folder(folder_);
     if (::access(file_.c_str(), F_OK) != 0) try {
         make_keys(file_);

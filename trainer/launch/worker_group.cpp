@@ -203,12 +203,12 @@ class WorkerGroup {
       } catch (const RunError& error) {  // no process to be had: the others go on
         say(fmt::format("{}\n", error.what()));
       }
-    end_what_was_lost();
+    stop_lost_workers();
     return running;
   }
 
   /// Once a worker has made the run to its end, those that the run went on without.
-  void end_what_was_lost() {
+  void stop_lost_workers() {
     if (!succeeded_ || on_loss_ != OnLoss::go_on || kill_at_ != Clock::time_point::max()) return;
     const bool only_stopped = std::ranges::all_of(workers_, [](const Worker& worker) { return !worker.running || worker.stopped; });
     if (only_stopped || Clock::now() - succeeded_at_ > kLastWorkerGrace) kill_at_ = Clock::now();

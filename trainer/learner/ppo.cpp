@@ -183,7 +183,7 @@ PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_
   }
 }
 
-PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
+PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool is_first_minibatch,
                                    UpdateStats& stats) {
   const torch::Tensor index = index_of(envs);
   const auto rows = [&](const torch::Tensor& slab) {  // [T, B, ...] -> [T * envs, ...]
@@ -193,7 +193,7 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
       policy_->sequence(rollout.observations.map(rows), rollout.hidden.index_select(0, index), rollout.not_done.index_select(1, index));
   const torch::Tensor log_prob = log_probabilities(output.logits, rows(rollout.actions));
   const torch::Tensor old_log_prob = rows(rollout.log_prob), valid = rows(rollout.valid), own = rows(rollout.own);
-  if (first_of_all && valid.any().item<bool>())
+  if (is_first_minibatch && valid.any().item<bool>())
     stats.max_ratio_error = ((log_prob - old_log_prob).detach().masked_select(valid).exp() - 1).abs().max().item<double>();
 
   const double left = 1.0 - progress;
@@ -210,7 +210,7 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
     const torch::Tensor oracle = rows(rollout.observations["oracle_action"]);
     loss.imitation = imitation_loss(output.logits, oracle, valid);
     loss.total = loss.total + weight * loss.imitation;
-    if (first_of_all && valid.any().item<bool>())
+    if (is_first_minibatch && valid.any().item<bool>())
       stats.oracle_agreement = output.logits.argmax(1).eq(oracle.squeeze(1)).masked_select(valid).to(torch::kFloat64).mean().item<double>();
   }
   if (guidance_.goal > 0) {
@@ -220,8 +220,8 @@ PpoLoss PpoLearner::minibatch_loss(const Rollout& rollout, std::span<const std::
   return loss;
 }
 
-StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
-                                           UpdateStats& stats) {
+StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress,
+                                           bool is_first_minibatch, UpdateStats& stats) {
   const std::span<float> gradient(flat_gradient_.data_ptr<float>(), static_cast<std::size_t>(flat_gradient_.numel()));
   const torch::Tensor& counts = guidance_.imitation_at(progress) > 0 || guidance_.goal > 0 ? rollout.valid : rollout.own;
   const bool has_rows = !envs.empty() && counts.index_select(1, index_of(envs)).any().item<bool>();
@@ -231,7 +231,7 @@ StepStatus PpoLearner::accumulate_gradient(const Rollout& rollout, std::span<con
   if (!has_rows) return status;
 
   const auto start = std::chrono::steady_clock::now();
-  const PpoLoss loss = minibatch_loss(rollout, envs, progress, first_of_all, stats);
+  const PpoLoss loss = minibatch_loss(rollout, envs, progress, is_first_minibatch, stats);
   stats.forward_s += seconds_since(start);
   const auto backward_start = std::chrono::steady_clock::now();
   (rollout.weight == 1.f ? loss.total : loss.total * rollout.weight).backward();

@@ -80,10 +80,10 @@ class PpoLearner {
 
  private:
   struct Rollout;  // rows [0, num_steps) with advantages and returns
-  PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
+  PpoLoss minibatch_loss(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool is_first_minibatch,
                          UpdateStats& stats);
   /// Loss and gradient of this worker's part of a minibatch, into flat_gradient_ and `stats`; what it has to say about them.
-  StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool first_of_all,
+  StepStatus accumulate_gradient(const Rollout& rollout, std::span<const std::int64_t> envs, double progress, bool is_first_minibatch,
                                  UpdateStats& stats);
   double clip_and_step(double squared_sum);  // of the summed flat_gradient_, without its last element; returns the norm before clipping
 

@@ -31,7 +31,7 @@ StepStatus decode_status(std::size_t rank, const std::string& bytes) {
 }
 
 template <class Predicate>
-std::vector<int> ranks_where(std::span<const StepStatus> statuses, const Predicate& holds) {
+std::vector<int> find_ranks(std::span<const StepStatus> statuses, const Predicate& holds) {
   std::vector<int> ranks;
   for (std::size_t rank = 0; rank < statuses.size(); ++rank)
     if (holds(statuses[rank])) ranks.push_back(static_cast<int>(rank));
@@ -50,7 +50,7 @@ std::vector<StepStatus> exchange_status(const StepStatus& mine, Collective& coll
 }
 
 StepDecision decide(std::span<const StepStatus> statuses) {
-  const auto faulty = ranks_where(statuses, [](const StepStatus& status) { return !status.finite_here; });
+  const auto faulty = find_ranks(statuses, [](const StepStatus& status) { return !status.finite_here; });
   if (!faulty.empty()) return {false, SkipCause::gradient, faulty};
 
   // Equal hash or equally not finite: NaN has many bit patterns, and which of them a sum keeps is the processor's business.
@@ -60,14 +60,14 @@ StepDecision decide(std::span<const StepStatus> statuses) {
   std::vector<int> damaged;
   bool majority = false;
   for (const StepStatus& candidate : statuses) {
-    const auto others = ranks_where(statuses, [&](const StepStatus& status) { return !same(status, candidate); });
+    const auto others = find_ranks(statuses, [&](const StepStatus& status) { return !same(status, candidate); });
     if (2 * others.size() < statuses.size()) {
       damaged = others;
       majority = true;
       break;
     }
   }
-  if (!majority) damaged = ranks_where(statuses, [](const StepStatus&) { return true; });
+  if (!majority) damaged = find_ranks(statuses, [](const StepStatus&) { return true; });
   if (!damaged.empty()) return {false, SkipCause::message, damaged};
   const bool finite = std::ranges::all_of(statuses, &StepStatus::finite_sum);
   return {finite, SkipCause::sum, {}};

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kRate = 0.1;
 /// Returns that do not vary would make the unit 0.
-constexpr double kLeastDeviation = 1e-2;
+constexpr double kMinDeviation = 1e-2;
 
 }  // namespace
 
@@ -26,7 +26,7 @@ void follow_returns(ActorCritic& policy, const torch::Tensor& returns, const tor
   const double new_mean = mean + rate * (sums[1] / sums[0] - mean);
   const double square = mean * mean + deviation * deviation;
   const double new_square = square + rate * (sums[2] / sums[0] - square);
-  policy->set_value_scale(new_mean, std::max(kLeastDeviation, std::sqrt(std::max(0.0, new_square - new_mean * new_mean))));
+  policy->set_value_scale(new_mean, std::max(kMinDeviation, std::sqrt(std::max(0.0, new_square - new_mean * new_mean))));
 }
 
 }  // namespace earshot

@@ -63,8 +63,8 @@ bool AddressBook::is_current(PeerSender sender) const {
 std::optional<PeerAddress> AddressBook::take_notice_address(PeerSender sender) {
   const auto now = std::chrono::steady_clock::now();
   Entry& entry = entries_[static_cast<std::size_t>(sender.rank)];
-  if (now - entry.told_at < kNoticeInterval) return std::nullopt;
-  entry.told_at = now;
+  if (now - entry.notified_at < kNoticeInterval) return std::nullopt;
+  entry.notified_at = now;
   PeerAddress address = is_current(sender) ? control(sender.rank) : entry.former;
   if (address.endpoint.empty()) return std::nullopt;  // of a start that this worker has never known
   return address;

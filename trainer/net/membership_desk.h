@@ -44,7 +44,7 @@ class AddressBook {
   struct Entry {
     std::uint32_t incarnation = 0;
     PeerAddress former;  ///< of the last start that was a member
-    std::chrono::steady_clock::time_point told_at;
+    std::chrono::steady_clock::time_point notified_at;
   };
   WorkerIdentity own_identity_;
   PeerTable table_;

@@ -50,7 +50,7 @@ void sanitize(ObservationTensors& observations, std::vector<std::uint8_t>& sanit
 }
 
 /// The value of a sanitized observation belongs to no state.
-void discard_values_of_sanitized(torch::Tensor& value, const std::vector<std::uint8_t>& sanitized) {
+void discard_sanitized_values(torch::Tensor& value, const std::vector<std::uint8_t>& sanitized) {
   for (std::size_t row = 0; row < sanitized.size(); ++row)
     if (sanitized[row]) value[static_cast<std::int64_t>(row)] = std::numeric_limits<float>::quiet_NaN();
 }
@@ -89,7 +89,7 @@ const PolicyOutput& Actor::observe(const ObservationTensors& observations) {
   }
   if (again) output_ = policy_->step(seen_, hidden_, not_done_);
   for (const std::uint8_t sanitized : sanitized_) sanitized_rows_ += sanitized;
-  discard_values_of_sanitized(output_.value, sanitized_);
+  discard_sanitized_values(output_.value, sanitized_);
   return output_;
 }
 
@@ -111,7 +111,7 @@ torch::Tensor Actor::truncated_values(const BatchedEnv& env) {
   std::vector<std::uint8_t> sanitized(rows.size(), 0);
   sanitize(last, sanitized);
   PolicyOutput output = policy_->step(last, output_.hidden.index_select(0, index), torch::ones({count}));
-  discard_values_of_sanitized(output.value, sanitized);
+  discard_sanitized_values(output.value, sanitized);
   values.index_copy_(0, index, output.value);
   return values;
 }
@@ -131,7 +131,7 @@ torch::Tensor Actor::peek_value(const BatchedEnv& env) {
   std::vector<std::uint8_t> sanitized(sanitized_.size(), 0);
   sanitize(now, sanitized);
   torch::Tensor value = policy_->step(now, hidden_, not_done_).value;
-  discard_values_of_sanitized(value, sanitized);
+  discard_sanitized_values(value, sanitized);
   return value;
 }
 

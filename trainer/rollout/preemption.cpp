@@ -22,11 +22,13 @@ Preemption::Preemption(const PpoConfig& config, int rollout_steps)
       rollout_steps_(rollout_steps),
       least_steps_(std::max(1, static_cast<int>(std::ceil(config.preempt_least * rollout_steps - kRounding)))) {}
 
-int Preemption::enough_of(int world_size) const { return std::max(1, static_cast<int>(std::ceil(fraction_ * world_size - kRounding))); }
+int Preemption::required_workers(int world_size) const {
+  return std::max(1, static_cast<int>(std::ceil(fraction_ * world_size - kRounding)));
+}
 
 bool Preemption::ends_with(int step, double elapsed_s, int num_waiting, int world_size) const {
   EARSHOT_EXPECT(may_end_with(step));
-  if (num_waiting >= enough_of(world_size)) return true;
+  if (num_waiting >= required_workers(world_size)) return true;
   const double step_s = elapsed_s / (step + 1);
   return step_s * rollout_steps_ > kSlow * expected_s_ && elapsed_s + step_s > expected_s_;
 }
@@ -38,7 +40,7 @@ void Preemption::note_update(std::span<const RolloutTime> of_all) {
   for (const RolloutTime& rollout : of_all)
     if (rollout.steps == rollout_steps_) whole.push_back(rollout.collect_s);
   std::ranges::sort(whole);
-  const auto enough = static_cast<std::size_t>(enough_of(static_cast<int>(of_all.size())));
+  const auto enough = static_cast<std::size_t>(required_workers(static_cast<int>(of_all.size())));
   expected_s_ = whole.size() < enough ? std::numeric_limits<double>::infinity() : whole[enough - 1];
 }
 

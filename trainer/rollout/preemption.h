@@ -33,7 +33,7 @@ class Preemption {
   [[nodiscard]] double expected_s() const { return expected_s_; }
 
  private:
-  [[nodiscard]] int enough_of(int world_size) const;
+  [[nodiscard]] int required_workers(int world_size) const;
 
   double fraction_;
   int rollout_steps_, least_steps_;

@@ -26,7 +26,7 @@ std::optional<std::string> fault_of_weights(const ActorCritic& policy) {
   for (const auto& item : policy->named_parameters()) {
     const double largest = item.value().numel() == 0 ? 0.0 : item.value().abs().max().item<double>();  // NaN where one is
     if (!std::isfinite(largest)) return fmt::format("{} is not finite", item.key());
-    if (largest > kMostOfAWeight) return fmt::format("{} has grown to {:.3g}", item.key(), largest);
+    if (largest > kMaxOfAWeight) return fmt::format("{} has grown to {:.3g}", item.key(), largest);
   }
   return std::nullopt;
 }

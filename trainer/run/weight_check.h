@@ -10,9 +10,9 @@
 namespace earshot {
 
 /// Parameters of a trained network stay below a hundred; beyond this much nothing is left of what they had learned.
-inline constexpr double kMostOfAWeight = 1e3;
+inline constexpr double kMaxOfAWeight = 1e3;
 
-/// What is wrong with the weights: one that is not finite, or larger than kMostOfAWeight; nullopt: nothing.  The same on all workers, as
+/// What is wrong with the weights: one that is not finite, or larger than kMaxOfAWeight; nullopt: nothing.  The same on all workers, as
 /// their weights are.
 std::optional<std::string> fault_of_weights(const ActorCritic& policy);
 

@@ -16,14 +16,14 @@
 namespace earshot {
 namespace {
 
-/// Of the target: standard error of the paths in one value, at kMostPlaces places.  Fewer have fewer values, each known the better.  Half
+/// Of the target: standard error of the paths in one value, at kMaxPlaces places.  Fewer have fewer values, each known the better.  Half
 /// of that where nothing holds, or something far cheaper may, as what the paths are uncertain by is part of what is predicted.
 constexpr std::array<double, 2> kReferenceFractions = {0.7, 0.35};
-constexpr int kMostRuns = 1024;
+constexpr int kMaxRuns = 1024;
 constexpr double kReferencePart = 0.8;  ///< of the time, for the progress line
 
 std::vector<glm::vec3> spread(const std::vector<glm::vec3>& places) {
-  const std::size_t count = std::min(places.size(), kMostPlaces);
+  const std::size_t count = std::min(places.size(), kMaxPlaces);
   std::vector<glm::vec3> some;
   for (std::size_t i = 0; i < count; ++i) some.push_back(places[count == 1 ? 0 : i * (places.size() - 1) / (count - 1)]);
   return some;
@@ -43,8 +43,8 @@ bool refine(const AccuracyRequest& request, double fraction, const std::function
   plan.reference_error.fill(std::nan(""));
   for (std::size_t site = 0; site < references.size(); ++site) {
     AccuracyReference& reference = references[site];
-    const double places = static_cast<double>(reference.places().size()) / kMostPlaces;
-    reference.refine(request.target, fraction * std::sqrt(places), static_cast<int>(kMostRuns / places), [&](double done) {
+    const double places = static_cast<double>(reference.places().size()) / kMaxPlaces;
+    reference.refine(request.target, fraction * std::sqrt(places), static_cast<int>(kMaxRuns / places), [&](double done) {
       if (progress) progress(kReferencePart * (static_cast<double>(site) + done) / static_cast<double>(references.size()));
     });
     plan.reference_runs += reference.runs();
@@ -76,7 +76,7 @@ std::optional<std::size_t> search(const AccuracyRequest& request, std::span<cons
   return search.best();
 }
 
-void refuse_what_cannot_be_judged(const AccuracyRequest& request, const AccuracyPlan& plan) {
+void refuse_immeasurable_targets(const AccuracyRequest& request, const AccuracyPlan& plan) {
   for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind)
     if (request.target.most[kind] && std::isnan(plan.reference_error[kind]))
       throw InputError("accuracy " + request.target.text(),
@@ -99,7 +99,7 @@ bool is_undecided(const AccuracyRequest& request, const std::vector<AccuracyChoi
   });
 }
 
-[[noreturn]] void refuse_what_nothing_keeps(const AccuracyRequest& request, const AccuracyPlan& plan) {
+[[noreturn]] void refuse_unreachable_target(const AccuracyRequest& request, const AccuracyPlan& plan) {
   const auto closest =
       std::ranges::min_element(plan.tried, {}, [&](const AccuracyChoice& choice) { return request.target.used(choice.predicted); });
   const bool too_dear = request.target.used(closest->predicted) <= kAccuracyMargin;
@@ -133,12 +133,12 @@ AccuracyPlan plan_accuracy(const AccuracyRequest& request, const std::function<v
       if (progress) progress((static_cast<double>(stage) + done) / kReferenceFractions.size());
     };
     if (!refine(request, kReferenceFractions[stage], of_stage, references, plan)) break;
-    refuse_what_cannot_be_judged(request, plan);
+    refuse_immeasurable_targets(request, plan);
     best = search(request, references, of_stage, plan.tried);
     if (best && !is_undecided(request, plan.tried, plan.tried[*best])) break;
   }
   plan.calibration_s = watch.wall_s();
-  if (!best) refuse_what_nothing_keeps(request, plan);
+  if (!best) refuse_unreachable_target(request, plan);
   plan.chosen = *best;
   if (progress) progress(1);
   return plan;

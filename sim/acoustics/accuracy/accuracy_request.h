@@ -16,9 +16,9 @@ namespace earshot {
 struct AccuracySite {
   std::shared_ptr<const Scene> scene;
   SoundSource source;
-  std::vector<glm::vec3> places;  ///< of listeners, not empty; at most kMostPlaces of them are tried, evenly spread
+  std::vector<glm::vec3> places;  ///< of listeners, not empty; at most kMaxPlaces of them are tried, evenly spread
 };
-inline constexpr std::size_t kMostPlaces = 12;
+inline constexpr std::size_t kMaxPlaces = 12;
 
 struct AccuracyRequest {
   AcousticConfig config;  ///< what the planner does not choose: switches, length, bins, bands, seed, threads

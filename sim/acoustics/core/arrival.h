@@ -12,7 +12,7 @@ namespace earshot {
 
 /// Paths shorter than this count as this long (docs/evidence/stability.md, H-13): level and delay stay finite and continuous down to source
 /// == listener.
-inline constexpr float kLeastDistanceM = 0.01f;
+inline constexpr float kMinDistanceM = 0.01f;
 
 /// How a deterministic path gets from source to listener.
 enum class ArrivalKind : std::uint8_t {

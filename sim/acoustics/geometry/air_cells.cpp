@@ -37,7 +37,7 @@ AirCells::AirCells(const Scene& scene, float cell_m) : scene_(&scene) {
   const WallParts walls(scene.mesh(), boxes_);
   find_pieces(walls);
   find_stray_air();
-  find_sure_labels(walls);
+  find_part_labels(walls);
 }
 
 void AirCells::find_pieces(const WallParts& walls) {
@@ -130,7 +130,7 @@ bool AirCells::may_be_stray(std::size_t box, glm::vec3 point) const {
 }
 
 /// A part into which no wall reaches is of the cell of its point.
-void AirCells::find_sure_labels(const WallParts& walls) {
+void AirCells::find_part_labels(const WallParts& walls) {
   for (std::size_t i = 0; i < box_.size(); ++i) {
     Box& box = box_[i];
     if (box.is_whole) continue;
@@ -143,7 +143,7 @@ void AirCells::find_sure_labels(const WallParts& walls) {
 }
 
 /// The cell of a box that holds a point, or no_cell, as far as that is known without a ray; none where it is not.
-std::uint32_t AirCells::sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const {
+std::uint32_t AirCells::known_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const {
   if (of.is_whole) return of.first;
   const std::uint8_t label = sure_[of.sure + static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)))];
   if (label == kBesideWall) return none;
@@ -152,14 +152,14 @@ std::uint32_t AirCells::sure_cell_at(const Box& of, const glm::ivec3& index, glm
 
 std::uint32_t AirCells::cell_at(std::size_t box, glm::vec3 point) const {
   if (box_[box].count == 0) return none;
-  const std::uint32_t sure = sure_cell_at(box_[box], boxes_.index_of(box), point);
+  const std::uint32_t sure = known_cell_at(box_[box], boxes_.index_of(box), point);
   return sure == no_cell ? none : sure != none ? sure : cell_near_walls(box, point);
 }
 
-std::array<std::uint32_t, 2> AirCells::sure_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
-                                                               glm::vec3 leave) const {
+std::array<std::uint32_t, 2> AirCells::known_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+                                                                glm::vec3 leave) const {
   if (of.count == 0) return {none, none};
-  const auto at = [&](float part) { return sure_cell_at(of, index, enter + part * (leave - enter)); };
+  const auto at = [&](float part) { return known_cell_at(of, index, enter + part * (leave - enter)); };
   std::array<std::uint32_t, 2> halves{at(0.25f), at(0.75f)};
   if (halves[0] == none) halves[0] = halves[1] == none ? at(0.5f) : halves[1];
   if (halves[1] == none) halves[1] = halves[0];

@@ -47,10 +47,10 @@ class AirCells {
   [[nodiscard]] std::uint32_t cell_at(std::size_t box, glm::vec3 point) const;
   /// The cells of the box, which has these indices, that a segment free of geometry crosses between two of its points: that of its first
   /// half and that of its second, which differ where it goes through a slit.  no_cell, or none, as far as that is not known without a ray.
-  [[nodiscard]] std::array<std::uint32_t, 2> sure_cells_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter,
-                                                              glm::vec3 leave) const {
+  [[nodiscard]] std::array<std::uint32_t, 2> known_cells_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter,
+                                                               glm::vec3 leave) const {
     if (box_[box].is_whole) return {box_[box].first, box_[box].first};
-    return sure_cells_beside_walls(box_[box], index, enter, leave);
+    return known_cells_beside_walls(box_[box], index, enter, leave);
   }
   /// The lines to the next box along an axis that belong to an opening wider than a slit, as in OpenWindows::across.
   [[nodiscard]] std::uint64_t open_across(std::size_t box, int axis) const { return open_across_[box][static_cast<std::size_t>(axis)]; }
@@ -66,11 +66,11 @@ class AirCells {
   static constexpr std::uint8_t kStrayAir = 0xFE;
   static constexpr std::uint8_t kBesideWall = 0xFD;
   void find_pieces(const WallParts& walls);
-  void find_sure_labels(const WallParts& walls);
+  void find_part_labels(const WallParts& walls);
   void find_stray_air();
-  [[nodiscard]] std::uint32_t sure_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const;
-  [[nodiscard]] std::array<std::uint32_t, 2> sure_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
-                                                                     glm::vec3 leave) const;
+  [[nodiscard]] std::uint32_t known_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const;
+  [[nodiscard]] std::array<std::uint32_t, 2> known_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+                                                                      glm::vec3 leave) const;
   [[nodiscard]] std::uint32_t cell_near_walls(std::size_t box, glm::vec3 point) const;
 
   const Scene* scene_;

@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kLeastPoints = 12;  // of a piece
+constexpr std::size_t kMinPoints = 12;  // of a piece
 constexpr std::uint32_t kUngrouped = VisibleMajority::none;
 
 /// Sets that grow together.
@@ -51,7 +51,7 @@ GroupOfPoint group_by_windows(const OpenWindows& windows) {
   std::array<std::size_t, FieldBoxes::kPoints> size{};
   for (std::uint32_t i = 0; i < group.size(); ++i) ++size[group[i] = groups.find(i)];
   for (std::uint32_t& of_point : group)
-    if (size[of_point] < kLeastPoints) of_point = kUngrouped;
+    if (size[of_point] < kMinPoints) of_point = kUngrouped;
   return group;
 }
 
@@ -130,7 +130,7 @@ BoxPieces find_box_pieces(const Scene& scene, const FieldBoxes& boxes, const Ope
 
   BoxPieces found{.pieces = {}, .label = std::vector<std::uint8_t>(FieldBoxes::kPoints, BoxPieces::kNoPiece)};
   for (const std::vector<int>& members : members_by_size(group)) {
-    if (members.size() < kLeastPoints) break;
+    if (members.size() < kMinPoints) break;
     for (const int i : members) found.label[i] = static_cast<std::uint8_t>(found.pieces.size());
     found.pieces.push_back(make_piece(boxes.edge_m(), points, members, core));
   }

@@ -10,7 +10,7 @@ namespace earshot {
 namespace {
 
 /// Cells with a smaller passage between them are apart: a slit does not join the sides of a wall.
-constexpr float kLeastOpenness = 0.25f;
+constexpr float kMinOpenness = 0.25f;
 
 /// Passages through the face between a box and the next one along an axis.
 void find_passages_between(const AirCells& cells, const glm::ivec3& index, int axis, std::vector<CellPassage>& found) {
@@ -41,7 +41,7 @@ void find_passages_between(const AirCells& cells, const glm::ivec3& index, int a
     for (std::uint32_t b = 0; b < there.count; ++b) {
       const int lines = open[a * there.count + b], most = std::min(points_here[a], points_there[b]);
       const float openness = static_cast<float>(lines) / static_cast<float>(std::max(most, 1));
-      if (openness >= kLeastOpenness) found.push_back({here.first + a, there.first + b, openness});
+      if (openness >= kMinOpenness) found.push_back({here.first + a, there.first + b, openness});
     }
 }
 

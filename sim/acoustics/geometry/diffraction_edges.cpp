@@ -49,7 +49,7 @@ bool narrow(const Scene& scene, DiffractionEdge& edge, double along_m, double ra
   face[count++] = {edge.exterior_rad, edge.second_material};
   for (std::size_t i = 0; i + 1 < count; ++i) {
     const double sector = face[i + 1].angle_rad - face[i].angle_rad;
-    if (sector < kLeastExteriorRad) continue;
+    if (sector < kMinExteriorRad) continue;
     const double turn = face[i].angle_rad;
     edge.face = std::cos(turn) * edge.face + std::sin(turn) * edge.first_normal;
     edge.first_normal = glm::cross(edge.along, edge.face);

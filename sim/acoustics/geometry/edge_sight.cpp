@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMostGroups = std::size_t{1} << 18, kMostBlockers = std::size_t{1} << 18;  // 2 MiB and 1 MiB
+constexpr std::size_t kMaxGroups = std::size_t{1} << 18, kMaxBlockers = std::size_t{1} << 18;  // 2 MiB and 1 MiB
 constexpr std::uint32_t kEdges = (1u << 24) - 1;  // of scenes with more, the rest is not remembered
 constexpr std::uint64_t kFacts = 0xFFFF;
 constexpr std::size_t kPlaces = 8;  // per point of an edge, about
@@ -26,8 +26,8 @@ std::uint64_t key_of(std::uint32_t edge, std::uint32_t group) { return std::uint
 }  // namespace
 
 EdgeSight::EdgeSight(std::size_t num_edges)
-    : groups_(std::min(std::bit_ceil(2 * num_edges * (num_edges / kGroup + 1) + 1), kMostGroups)),
-      blockers_(std::min(std::bit_ceil(num_edges * kPointsPerEdge * kPlaces + 1), kMostBlockers)) {
+    : groups_(std::min(std::bit_ceil(2 * num_edges * (num_edges / kGroup + 1) + 1), kMaxGroups)),
+      blockers_(std::min(std::bit_ceil(num_edges * kPointsPerEdge * kPlaces + 1), kMaxBlockers)) {
   for (auto& blocker : blockers_) blocker.store(kNothing, std::memory_order_relaxed);
 }
 

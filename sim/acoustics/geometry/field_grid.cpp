@@ -74,7 +74,7 @@ std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float leng
     if (leave_m > enter_m + least_m) {
       const auto number = static_cast<std::size_t>(box);
       const std::array<std::uint32_t, 2> sure =
-          cells_.sure_cells_along(number, index, origin + enter_m * direction, origin + leave_m * direction);
+          cells_.known_cells_along(number, index, origin + enter_m * direction, origin + leave_m * direction);
       const float middle_m = sure[0] == sure[1] ? leave_m : 0.5f * (enter_m + leave_m);
       cover(number, sure[0], enter_m, middle_m);
       if (middle_m < leave_m) cover(number, sure[1], middle_m, leave_m);

@@ -59,7 +59,7 @@ int FieldSmoothing::sweeps_at(double time_s, double mean_free_path_m, double spe
   const double sweep_m2 = 2 * kExchange * edge2_m2_, sweep_s = sweep_m2 / (2 * diffusion);
   const double by_time = kFractionOfTime * (time_s - kFirstPaths * mean_free_path_m / speed_of_sound_m_per_s) / sweep_s;
   const double by_spread = 0.25 * mean_free_path_m * mean_free_path_m / sweep_m2;
-  return static_cast<int>(std::clamp(std::min(by_time, by_spread), 0.0, double{kMostSweeps}));
+  return static_cast<int>(std::clamp(std::min(by_time, by_spread), 0.0, double{kMaxSweeps}));
 }
 
 template <std::size_t Vectors>

@@ -21,9 +21,9 @@ class FieldSmoothing {
   explicit FieldSmoothing(const FieldGrid& grid);
   [[nodiscard]] std::size_t bytes() const { return bytes_of(begin_) + bytes_of(from_); }  ///< of memory
 
-  static constexpr int kMostSweeps = 8;
+  static constexpr int kMaxSweeps = 8;
   /// Sweeps for energy `time_s` after it left the source: none before the fifth mean free path, then so many that they stand for 4 % of the
-  /// time gone by, at most kMostSweeps and at most what spreads energy by half a mean free path.
+  /// time gone by, at most kMaxSweeps and at most what spreads energy by half a mean free path.
   [[nodiscard]] int sweeps_at(double time_s, double mean_free_path_m, double speed_of_sound_m_per_s) const;
 
   /// rows: [cells][width], energy times volume, `width` a multiple of eight.  active: whole sets that reachable() gave; all other cells

@@ -17,7 +17,7 @@ namespace earshot {
 namespace {
 
 /// Of the angle by which wedges blunter than kBluntRad turn.
-const double kLeastCosine = std::cos(kBluntRad - std::numbers::pi);
+const double kMinCosine = std::cos(kBluntRad - std::numbers::pi);
 
 /// Which triangles hang together across nearly flat joints: the first of each lot stands for it.
 class Lots {
@@ -83,7 +83,7 @@ std::optional<Fold> fold_of(const TriangleMesh& mesh, const MirrorPlanes& mirror
   double lowest_m = std::numeric_limits<double>::infinity(), highest_m = -lowest_m;
   for (const std::uint32_t triangle : triangles) {
     const glm::dvec3 own = doubled_area(mesh, triangle);
-    if (std::abs(glm::dot(own, normal)) < kLeastCosine * glm::length(own)) return std::nullopt;
+    if (std::abs(glm::dot(own, normal)) < kMinCosine * glm::length(own)) return std::nullopt;
     for (int i = 0; i < 3; ++i) {
       const glm::vec3 vertex = mesh.vertices[mesh.triangles[triangle][i]];
       const double height_m = glm::dot(normal, glm::dvec3(vertex) - origin);
@@ -108,7 +108,7 @@ FoldedPlanes find_folded_planes(const TriangleMesh& mesh, const MirrorPlanes& mi
   for_each_joint(sorted_sides(mesh), [&](std::span<const MeshSide> sides) {
     if (sides.size() != 2) return;  // where another wall begins the fold ends
     const auto a = inward(mesh, sides[0]), b = inward(mesh, sides[1]);
-    if (a && b && glm::dot(*a, *b) < -kLeastCosine) lots.join(sides[0].triangle, sides[1].triangle);
+    if (a && b && glm::dot(*a, *b) < -kMinCosine) lots.join(sides[0].triangle, sides[1].triangle);
   });
   std::vector<std::uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);

@@ -58,7 +58,7 @@ std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const MeshSide
     faces[count++] = {0, inward / height_m, mesh.triangle_material[side.triangle]};
   }
   if (count == 0) return std::nullopt;
-  if (count == 2 && glm::dot(faces[0].direction, faces[1].direction) < std::cos(kLeastExteriorRad)) return std::nullopt;  // flat
+  if (count == 2 && glm::dot(faces[0].direction, faces[1].direction) < std::cos(kMinExteriorRad)) return std::nullopt;  // flat
 
   const glm::dvec3 x = faces[0].direction, y = glm::cross(along, x);
   for (std::size_t i = 1; i < count; ++i) {
@@ -72,7 +72,7 @@ std::optional<Piece> piece_of(const TriangleMesh& mesh, std::span<const MeshSide
     const Face& next = faces[(i + 1) % count];
     const double sector =
         i + 1 < count ? next.angle_rad - faces[i].angle_rad : 2.0 * std::numbers::pi - faces[i].angle_rad + faces[0].angle_rad;
-    if (sector < kLeastExteriorRad) continue;
+    if (sector < kMinExteriorRad) continue;
     return Piece{{low, high}, along, faces[i].direction, next.direction, length_m, sector, faces[i].material, next.material};
   }
   return std::nullopt;

@@ -10,7 +10,7 @@
 namespace earshot {
 
 /// Edges turn sound from 5 degrees past a flat wall on.
-inline constexpr double kLeastExteriorRad = std::numbers::pi + 5.0 * (std::numbers::pi / 180.0);
+inline constexpr double kMinExteriorRad = std::numbers::pi + 5.0 * (std::numbers::pi / 180.0);
 
 /// The wedges of a mesh by adjacency alone, straight runs merged, at least `least_length_m` long; longest first.  Faces that touch an edge
 /// without sharing its vertices are not found here.

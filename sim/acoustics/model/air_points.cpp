@@ -10,10 +10,10 @@ namespace earshot {
 namespace {
 
 constexpr std::uint32_t kCellsX = 4, kCellsY = 2, kCellsZ = 4, kCells = kCellsX * kCellsY * kCellsZ, kTriesPerCell = 12;
-constexpr float kLeastHeightM = 1.2f;
-constexpr float kLeastWidthM = 0.8f;                       // more than a wardrobe
+constexpr float kMinHeightM = 1.2f;
+constexpr float kMinWidthM = 0.8f;                         // more than a wardrobe
 constexpr double kSurveyStepM = 0.8, kSurveyLayerM = 2.5;  // rooms are this wide at least twice, and so high
-constexpr double kMostPlaces = 1024;
+constexpr double kMaxPlaces = 1024;
 
 /// The bounds; a flat scene has its air above it.
 Bounds box_of_air(const AcousticSurfaces& surfaces) {
@@ -28,13 +28,13 @@ Bounds box_of_air(const AcousticSurfaces& surfaces) {
 bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point) {
   const EmbreeScene& rays = surfaces.scene().rays();
   const Hit down = rays.intersect(point, {0, -1, 0});
-  return down.valid() && down.distance_m + rays.intersect(point, {0, 1, 0}).distance_m >= kLeastHeightM;
+  return down.valid() && down.distance_m + rays.intersect(point, {0, 1, 0}).distance_m >= kMinHeightM;
 }
 
 bool is_room(const AcousticSurfaces& surfaces, glm::vec3 point) {
   const EmbreeScene& rays = surfaces.scene().rays();
   const auto free_m = [&](glm::vec3 axis) { return rays.intersect(point, axis).distance_m + rays.intersect(point, -axis).distance_m; };
-  return has_height(surfaces, point) && free_m({1, 0, 0}) >= kLeastWidthM && free_m({0, 0, 1}) >= kLeastWidthM;
+  return has_height(surfaces, point) && free_m({1, 0, 0}) >= kMinWidthM && free_m({0, 0, 1}) >= kMinWidthM;
 }
 
 std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces) {
@@ -116,8 +116,8 @@ std::vector<glm::vec3> live_points(const AcousticSurfaces& surfaces, std::span<c
   const Bounds air = box_of_air(surfaces);
   const glm::dvec3 size(air.upper - air.lower);
   const double layers = std::clamp(std::round(size.y / kSurveyLayerM), 1.0, 16.0);
-  const double step_m = std::max(kSurveyStepM, std::sqrt(std::max(size.x, 1e-3) * std::max(size.z, 1e-3) * layers / kMostPlaces));
-  const auto steps = [&](double width_m) { return static_cast<std::uint32_t>(std::clamp(std::floor(width_m / step_m), 1.0, kMostPlaces)); };
+  const double step_m = std::max(kSurveyStepM, std::sqrt(std::max(size.x, 1e-3) * std::max(size.z, 1e-3) * layers / kMaxPlaces));
+  const auto steps = [&](double width_m) { return static_cast<std::uint32_t>(std::clamp(std::floor(width_m / step_m), 1.0, kMaxPlaces)); };
   const std::array<std::uint32_t, 3> cells{steps(size.x), static_cast<std::uint32_t>(layers), steps(size.z)};
   struct Place {
     double loss_per_m;
@@ -139,7 +139,7 @@ std::vector<glm::vec3> live_points(const AcousticSurfaces& surfaces, std::span<c
         for (std::size_t side = 0; side < 6 && room; ++side) {
           hits[side] = rays.intersect(point, kAxes[side]);
           room = hits[side].valid();
-          if (room && side % 2 == 1) room = hits[side - 1].distance_m + hits[side].distance_m >= (side == 1 ? kLeastHeightM : kLeastWidthM);
+          if (room && side % 2 == 1) room = hits[side - 1].distance_m + hits[side].distance_m >= (side == 1 ? kMinHeightM : kMinWidthM);
         }
         if (!room) continue;
         loss_of_box(surfaces, hits, air_energy_per_m, loss);

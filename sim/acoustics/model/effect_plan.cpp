@@ -33,7 +33,7 @@ constexpr double kFlutterFallDb = 55;
 constexpr double kRaysOfARoom = 10;
 /// Radius of the source volume.  Its blur in time and level goes with radius over path length, its noise with 1 / radius^2 of rays per room
 /// surface, so it grows with the room (docs/explanation/estimators.md, section 2).
-constexpr float kPathsPerRadius = 12.f, kLeastRadiusM = 0.25f, kLargestRadiusM = 2.f;
+constexpr float kPathsPerRadius = 12.f, kMinRadiusM = 0.25f, kLargestRadiusM = 2.f;
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
 constexpr double kPhotonsOfAField = 1000, kProbesMs = 15, kBlendMs = 0.02;
@@ -77,7 +77,7 @@ class Planner {
     plan_.mean_free_path_m = probe_.mean_free_path_m;
     plan_.source_radius_m = config_.source_radius_m > 0.f
                                 ? config_.source_radius_m
-                                : std::clamp(static_cast<float>(probe_.mean_free_path_m) / kPathsPerRadius, kLeastRadiusM, kLargestRadiusM);
+                                : std::clamp(static_cast<float>(probe_.mean_free_path_m) / kPathsPerRadius, kMinRadiusM, kLargestRadiusM);
     decide_length();
     add("direct", config_.direct != Switch::off, name_of(config_.direct),
         {kNan, "", config_.direct == Switch::automatic ? BoundKind::exact : BoundKind::user_set}, 0,

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kMaxPlanes = 64;
 constexpr float kParallelSine = 1e-3f;
-constexpr double kLeastReflected = 0.6;
+constexpr double kMinReflected = 0.6;
 constexpr std::size_t kSteps = 96;
 
 /// The largest triangle of each of the first planes.
@@ -51,7 +51,7 @@ double reflected(const AcousticSurfaces& surfaces, const Pair& pair, std::size_t
 
 bool is_mirror(const AcousticSurfaces& surfaces, const Pair& pair) {
   for (std::size_t band = 0; band < static_cast<std::size_t>(surfaces.num_bands()); ++band)
-    if (reflected(surfaces, pair, band) > kLeastReflected) return true;
+    if (reflected(surfaces, pair, band) > kMinReflected) return true;
   return false;
 }
 
@@ -131,7 +131,7 @@ std::vector<double> flutter_times(const AcousticSurfaces& surfaces, std::span<co
     const RoomGuess room = guess_room(surfaces, pair.middle, air_energy_per_m);
     for (std::size_t band = 0; band < num_bands; ++band) {
       const double mirror = reflected(surfaces, pair, band);
-      if (!(mirror > kLeastReflected)) continue;
+      if (!(mirror > kMinReflected)) continue;
       const double flutter_per_m = -std::log(mirror) / pair.gap_m + air_energy_per_m[band];
       const double volume_m3 = room.closed ? room.volume_m3 : 0.0;
       const double way_m = fall_m(pair.gap_m, flutter_per_m, std::max(room.loss_per_m[band], 1e-9), volume_m3, fall_db, horizon_s * speed);

@@ -84,7 +84,7 @@ std::shared_ptr<const std::vector<PlaneSequence>> PlaneCells::of(const AcousticS
   if (!added) return place->second;
   cells_->by_age.push_back(key);
   cells_->bytes += bytes_of(*sequences);
-  if (cells_->by_age.size() > kMostCells) {
+  if (cells_->by_age.size() > kMaxCells) {
     const auto oldest = cells_->known.find(cells_->by_age.front());
     cells_->bytes -= bytes_of(*oldest->second);
     cells_->known.erase(oldest);

@@ -26,12 +26,12 @@ void append_sequences(const AcousticScene& scene, glm::vec3 origin, glm::vec3 di
 
 /// Plane sequences by cells of the air, for sources that move: what rays from all over a cell meet, found when a source comes into it first
 /// and kept for its next poses and for other sources.  A cell's sequences are a function of (scene, seed, cell), whoever asks first: rays
-/// start at points spread over the cell, in directions spread over the sphere.  Any thread; bounded to kMostCells cells of about 10 KiB, of
+/// start at points spread over the cell, in directions spread over the sphere.  Any thread; bounded to kMaxCells cells of about 10 KiB, of
 /// which the oldest goes.
 class PlaneCells {
  public:
   static constexpr float kCellM = 1.f;  ///< a sixteenth of the scene's diagonal if that is less
-  static constexpr std::size_t kMostCells = 512;
+  static constexpr std::size_t kMaxCells = 512;
 
   PlaneCells();
   ~PlaneCells();

@@ -9,8 +9,8 @@
 namespace earshot {
 namespace {
 
-constexpr float kParallel = 0.98f;     // cosine of 11 degrees
-constexpr float kLeastCosine = 1e-3f;  // a grazing ray stays inside for at most 1000 thicknesses
+constexpr float kParallel = 0.98f;   // cosine of 11 degrees
+constexpr float kMinCosine = 1e-3f;  // a grazing ray stays inside for at most 1000 thicknesses
 
 /// Does the ray meet the front of this face, the side that the winding of its vertices points to?
 bool meets_front(const AcousticSurfaces& surfaces, glm::vec3 direction, std::uint32_t triangle) {
@@ -30,7 +30,7 @@ bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint3
 
 /// The far face of the wall whose near face is `hit`, if the next face along the ray can be one.
 Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit) {
-  const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kLeastCosine);
+  const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kMinCosine);
   const Hit far = surfaces.scene().rays().intersect(start, direction, kMaxWallThicknessM / cosine);
   if (!far.valid()) return {};
   const bool enters = meets_front(surfaces, direction, hit.triangle), enters_again = meets_front(surfaces, direction, far.triangle);

@@ -20,8 +20,8 @@
 namespace earshot {
 namespace {
 
-constexpr float kMostRaised = 1.171f;  // past a straight edge, by Fresnel's integrals: 1.4 dB where it passes furthest above the free field
-constexpr double kMostBelowBestDb = 30;  // of a path that is still worked out
+constexpr float kMaxRaised = 1.171f;  // past a straight edge, by Fresnel's integrals: 1.4 dB where it passes furthest above the free field
+constexpr double kMaxBelowBestDb = 30;  // of a path that is still worked out
 /// An estimate may be this much too low: Kurze-Anderson at a corner (4.1 dB), and bands below the one it is made at.
 constexpr double kMarginDb = 9;
 
@@ -262,7 +262,7 @@ void DiffractionCandidates::Search::search_group(const Group& group, bool bounda
   for (std::size_t i = group.begin; i < group.end && attempts > 0; ++i) {
     const EdgeCandidate& candidate = candidates_.candidates_[i];
     if (in_sight_ && candidate.sequence.order > 1) continue;
-    const double least_db = std::max(full() ? weakest_db_ : -1e9, best_db_ - kMostBelowBestDb);
+    const double least_db = std::max(full() ? weakest_db_ : -1e9, best_db_ - kMaxBelowBestDb);
     if (!find_path(candidate, least_db, attempts)) continue;
     for (int band = 0; boundaries_only && band < scene_.num_bands(); ++band)
       sight_ends_[band] = std::max(sight_ends_[band], std::clamp((found_.jump[band] - 0.2) / 0.15, 0.0, 1.0));
@@ -318,10 +318,10 @@ bool DiffractionCandidates::Search::may_exceed(double weakest_db, const EdgeCand
   const glm::dvec3 diffraction_point = last.at(std::clamp(fermat_point(last, before, end), 0.0, last.length_m));
   const double about_m = candidate.reached_m + glm::length(diffraction_point - before) + glm::length(end - diffraction_point);
   if (about_m > 2.0 * scene_.max_path_m()) return false;
-  const double estimate_db = -level_db(std::max(about_m, double{kLeastDistanceM})) - candidate.loss_db -
+  const double estimate_db = -level_db(std::max(about_m, double{kMinDistanceM})) - candidate.loss_db -
                              estimate_loss_db(scene_.speed_of_sound_m_per_s(), before, diffraction_point, end);
   if (estimate_db + kMarginDb < weakest_db) return false;
-  return order != 1 || !(level_db(largest_ratio(last, before, end) / std::max(about_m, double{kLeastDistanceM})) < weakest_db);
+  return order != 1 || !(level_db(largest_ratio(last, before, end) / std::max(about_m, double{kMinDistanceM})) < weakest_db);
 }
 
 bool DiffractionCandidates::Search::find_shortest_path(EdgeSequence sequence, EdgePath& path) const {
@@ -473,7 +473,7 @@ void DiffractionCandidates::Search::add_waves_to_paths() {
   }
   // Sums over many edges, each as if it were alone, must not raise it above what one does at most.
   for (int band = 0; has_direct && band < scene_.num_bands(); ++band)
-    direct->amplitude[band] = std::min(direct->amplitude[band], kMostRaised * before[band]);
+    direct->amplitude[band] = std::min(direct->amplitude[band], kMaxRaised * before[band]);
   arrivals_.resize(kept);
 }
 

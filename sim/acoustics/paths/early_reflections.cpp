@@ -285,7 +285,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
                                 Arrival& scattered) const {
   const Sequence& sequence = sequences_[index];
   const glm::dvec3 from_listener = images_[index] - glm::dvec3(listener);
-  const double distance_m = std::max(glm::length(from_listener), double{kLeastDistanceM});
+  const double distance_m = std::max(glm::length(from_listener), double{kMinDistanceM});
   if (distance_m > scene.max_path_m()) return false;
 
   const bool by_folds = index >= num_by_planes_;
@@ -337,7 +337,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   if (in_sight && config.direct != Switch::off) {
     const glm::dvec3 toward = glm::dvec3(source()) - glm::dvec3(listener);
     const double true_distance_m = glm::length(toward);
-    const double distance_m = std::max(true_distance_m, double{kLeastDistanceM});
+    const double distance_m = std::max(true_distance_m, double{kMinDistanceM});
     if (distance_m <= scene.max_path_m()) {
       Arrival& direct = arrivals.emplace_back();
       direct.identity = path_identity(direct.kind, {});

@@ -14,7 +14,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kMostLossDb = 30;  // of an estimate, over all edges but the last
+constexpr double kMaxLossDb = 30;  // of an estimate, over all edges but the last
 constexpr double kRoundingDb = 1e-3;
 
 glm::dvec3 nearest_point(const DiffractionEdge& edge, glm::dvec3 point) {
@@ -78,7 +78,7 @@ struct LastEdgeLanes {
     along_here = static_cast<float>(along_before);
     away_here = static_cast<float>(away_before);
     angle_here = static_cast<float>(edge.angle_of(before));
-    least_factor = static_cast<float>(std::pow(10.0, -0.05 * (kMostLossDb + 0.1 - static_cast<double>(parent.loss_db))));
+    least_factor = static_cast<float>(std::pow(10.0, -0.05 * (kMaxLossDb + 0.1 - static_cast<double>(parent.loss_db))));
   }
 
   [[nodiscard]] Way way_to(const ThreeLanes& from_start) const {
@@ -172,7 +172,7 @@ void EdgeGrowth::add_links_of_source(Family& family) const {
     const double length_m = glm::length(nearest_point(edges_[edge], before) - before);
     if (length_m > 1.0001 * static_cast<double>(scene_.max_path_m())) continue;
     const double root_of_length = std::sqrt(edges_[edge].length_m);
-    family.links.push_back({static_cast<float>(root_of_length / std::max(length_m, double{kLeastDistanceM})), edge});
+    family.links.push_back({static_cast<float>(root_of_length / std::max(length_m, double{kMinDistanceM})), edge});
   }
 }
 
@@ -193,7 +193,7 @@ void EdgeGrowth::add_links_of_edge(Family& family) const {
     // Sequences that are not in sight are dropped sooner or later; those of which that is known, here.
     static_assert(kLanes == EdgeSight::kGroup);
     const std::uint32_t hidden = edges_.known_hidden(path.back(), static_cast<std::uint32_t>(group));
-    const Lanes least_m = links.way_m < kLeastDistanceM ? all_lanes(kLeastDistanceM) : links.way_m;
+    const Lanes least_m = links.way_m < kMinDistanceM ? all_lanes(kMinDistanceM) : links.way_m;
     const Lanes bound = 1.01f * links.factor * edge.root_of_length / least_m;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const auto index = static_cast<std::uint32_t>(group * kLanes + lane);
@@ -226,7 +226,7 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
     const double detour_m = glm::length(at - before) + glm::length(after - at) - glm::length(after - before);
     const double fresnel_number = 2.0 * detour_m * kRankingHz / static_cast<double>(scene_.speed_of_sound_m_per_s());
     const double loss_db = static_cast<double>(parent.loss_db) + kurze_anderson_db(fresnel_number);
-    if (loss_db > kMostLossDb) return false;
+    if (loss_db > kMaxLossDb) return false;
     const bool lit = std::abs(last_edge.angle_of(before) - last_edge.angle_of(after)) < std::numbers::pi;
     if (lit && fresnel_number > 2.0) return false;
     child.before = glm::vec3(at);
@@ -237,7 +237,7 @@ bool EdgeGrowth::score(const Family& family, std::uint32_t edge, RankedCandidate
   if (length_m > static_cast<double>(scene_.max_path_m())) return false;
   // Long edges first: the frame of a door is passed by many more listeners than the rim of a table.
   ranked.score_db =
-      0.5 * level_db(edges_[edge].length_m) - level_db(std::max(length_m, double{kLeastDistanceM})) - static_cast<double>(child.loss_db);
+      0.5 * level_db(edges_[edge].length_m) - level_db(std::max(length_m, double{kMinDistanceM})) - static_cast<double>(child.loss_db);
   return true;
 }
 

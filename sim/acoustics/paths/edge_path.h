@@ -34,8 +34,8 @@ struct EdgePath {
   std::array<glm::dvec3, kMaxDiffractionOrder> point{};
   double length_m = 0;  ///< of the way by these points
 
-  /// Path length for levels and delays: at least kLeastDistanceM.
-  [[nodiscard]] double distance_m() const { return std::max(length_m, double{kLeastDistanceM}); }
+  /// Path length for levels and delays: at least kMinDistanceM.
+  [[nodiscard]] double distance_m() const { return std::max(length_m, double{kMinDistanceM}); }
 };
 /// False if the points of two edges coincide, as at a corner where they meet.
 bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, glm::dvec3 from, glm::dvec3 to, EdgePath& path);

@@ -45,7 +45,7 @@ void add_wave(std::span<const EdgeBands> groups, const Arrival& wave, Arrival& p
 }
 
 void cap_at_free_field(int num_bands, glm::dvec3 from, glm::dvec3 to, std::span<Arrival> waves) {
-  const double straight_m = std::max(glm::length(from - to), double{kLeastDistanceM});
+  const double straight_m = std::max(glm::length(from - to), double{kMinDistanceM});
   const double most = 1.0 / (4.0 * std::numbers::pi * straight_m * 4.0 * std::numbers::pi * straight_m);
   for (int band = 0; band < num_bands; ++band) {
     double energy = 0;

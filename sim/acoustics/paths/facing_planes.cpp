@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kMaxSidePlanes = 24;             // per pair
 constexpr double kMaxFamilies = 64, kFewFamilies = 8;  // per pair; with few rays, whose noise is larger than what side planes add
 // Samples of a strip: along the line across it, at least kAcross and no further apart than kStepM, and from plane to plane.
-constexpr int kAcross = 12, kMostAcross = 240, kLevels = 4;
+constexpr int kAcross = 12, kMaxAcross = 240, kLevels = 4;
 constexpr double kStepM = 0.25;
 constexpr double kSpentFraction = 1e-8;  // of energy, after which a row of images ends
 
@@ -267,7 +267,7 @@ bool FacingPlanes::Family::average_end_factors() {
   const double whole_m = along_m_[num_sides() + 1];
   std::array<BandFactors, 2> log_sum{};
   int found = 0;
-  const int samples = std::clamp(static_cast<int>(std::ceil(whole_m / kStepM)), kAcross, kMostAcross);
+  const int samples = std::clamp(static_cast<int>(std::ceil(whole_m / kStepM)), kAcross, kMaxAcross);
   for (int k = 0; k < samples; ++k) {
     const glm::dvec3 place = place_on_line(whole_m * (k + 0.5) / samples);
     std::array<std::uint32_t, 2> material{};

@@ -17,9 +17,9 @@
 namespace earshot {
 namespace {
 
-constexpr double kLeastCosine = 0.866;         // of the angle between planes that face each other
-constexpr double kSpentChain = 1e-6;           // of energy, after which a chain ends
-constexpr std::size_t kMostWaiting = 200'000;  // beams, for the sake of memory
+constexpr double kMinCosine = 0.866;          // of the angle between planes that face each other
+constexpr double kSpentChain = 1e-6;          // of energy, after which a chain ends
+constexpr std::size_t kMaxWaiting = 200'000;  // beams, for the sake of memory
 
 glm::dvec3 middle_of(const ConvexPolygon& polygon) {
   glm::dvec3 sum(0);
@@ -28,13 +28,13 @@ glm::dvec3 middle_of(const ConvexPolygon& polygon) {
 }
 
 /// Does the source stand between two planes whose chains outlast the diffuse field?
-bool some_pair_stands_out(const AcousticScene& scene, std::span<const ConvexPolygon> polygons, glm::vec3 source) {
+bool has_protruding_pair(const AcousticScene& scene, std::span<const ConvexPolygon> polygons, glm::vec3 source) {
   std::optional<DiffuseDecay> decay;  // of the first pair that needs it
   for (std::size_t i = 0; i < polygons.size(); ++i) {
     const ExactPlane first(scene.planes()[i]);
     for (std::size_t j = 0; j < i; ++j) {
       const ExactPlane second(scene.planes()[j]);
-      if (polygons[i].empty() || polygons[j].empty() || std::abs(glm::dot(first.normal, second.normal)) < kLeastCosine) continue;
+      if (polygons[i].empty() || polygons[j].empty() || std::abs(glm::dot(first.normal, second.normal)) < kMinCosine) continue;
       if (glm::length(glm::cross(first.normal, second.normal)) <= FacingPlanes::kParallelSine) continue;
       const double there = first.height(middle_of(polygons[j])), back = second.height(middle_of(polygons[i]));
       if (!(there * first.height(glm::dvec3(source)) > 0 && back * second.height(glm::dvec3(source)) > 0)) continue;
@@ -84,7 +84,7 @@ class BeamQueue {
   void reflect(const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
     Beam beam{};
     const double strongest = set_kept_energy(from, p, beam);
-    if (strongest < kSpentChain || waiting_.size() >= kMostWaiting) return;
+    if (strongest < kSpentChain || waiting_.size() >= kMaxWaiting) return;
     const ExactPlane& plane = mirrors_[p].plane;
     if (std::abs(plane.height(image)) < 1e-6 * scene_.diagonal_m()) return;
     clip_aperture(from, image, p, beam);
@@ -140,7 +140,7 @@ void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, 
   const std::size_t num_planes = std::min(scene.planes().size(), FacingPlanes::kMaxPlanes);
   std::vector<ConvexPolygon> polygons;
   for (std::size_t p = 0; p < num_planes; ++p) polygons.push_back(polygon_of(scene.planes()[p]));
-  if (!some_pair_stands_out(scene, polygons, source_.position)) return;
+  if (!has_protruding_pair(scene, polygons, source_.position)) return;
   std::vector<BeamMirror> beam_mirrors;
   for (std::size_t p = 0; p < num_planes; ++p) {
     const ExactPlane plane(scene.planes()[p]);

@@ -10,9 +10,9 @@
 namespace earshot {
 namespace {
 
-constexpr double kDecayDb = 35;          // where T30 ends
-constexpr double kLeastRatio = 0.25;     // of the energies: a decibel
-constexpr double kLeastReflected = 0.6;  // of energy, mean of both surfaces
+constexpr double kDecayDb = 35;        // where T30 ends
+constexpr double kMinRatio = 0.25;     // of the energies: a decibel
+constexpr double kMinReflected = 0.6;  // of energy, mean of both surfaces
 constexpr int kNumRays = 64;
 
 double box_volume_m3(const Bounds& bounds) {
@@ -39,13 +39,13 @@ bool DiffuseDecay::exceeded_by(std::uint32_t first, std::uint32_t second, double
   const double volume_m3 = box_volume_m3(scene_.scene().bounds());
   for (int band = 0; band < scene_.num_bands(); ++band) {
     const double reflected = std::sqrt(specular_fraction(scene_, first, band) * specular_fraction(scene_, second, band));
-    if (!(reflected > kLeastReflected)) continue;
+    if (!(reflected > kMinReflected)) continue;
     const double diffuse_per_m = loss_per_m_[static_cast<std::size_t>(band)], chain_per_m = -std::log(reflected) / gap_m;
     const double furthest_m =
         std::min(diffuse_per_m > 0 ? 0.1 * kDecayDb * std::numbers::ln10 / diffuse_per_m : 1e9, double{scene_.max_path_m()});
     const double ratio = 2.0 * volume_m3 / (4.0 * std::numbers::pi * gap_m * furthest_m * furthest_m) *
                          std::exp(std::min((diffuse_per_m - chain_per_m) * furthest_m, 100.0));
-    if (ratio > kLeastRatio) return true;
+    if (ratio > kMinRatio) return true;
   }
   return false;
 }

@@ -64,13 +64,13 @@ void find_transmitted(const AcousticScene& scene, glm::vec3 source, glm::vec3 li
 
 void find_transmitted_behind_walls(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, std::vector<Arrival>& arrivals) {
   const glm::dvec3 toward = glm::dvec3(source) - glm::dvec3(listener);
-  const double true_distance_m = glm::length(toward), distance_m = std::max(true_distance_m, double{kLeastDistanceM});
+  const double true_distance_m = glm::length(toward), distance_m = std::max(true_distance_m, double{kMinDistanceM});
 
   // Rounding depends on where a ray starts: always walk from the same end (reciprocity).
   const bool swapped = std::tie(listener.x, listener.y, listener.z) < std::tie(source.x, source.y, source.z);
   Walls walls;
   if (!collect_walls(scene, swapped ? listener : source, swapped ? source : listener, walls) || walls.count == 0) return;
-  const double delay_path_m = std::max(distance_m + walls.extra_path_m, double{kLeastDistanceM});
+  const double delay_path_m = std::max(distance_m + walls.extra_path_m, double{kMinDistanceM});
   if (delay_path_m > scene.max_path_m()) return;
 
   Arrival arrival{.kind = ArrivalKind::transmission,

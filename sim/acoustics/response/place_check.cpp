@@ -17,7 +17,7 @@ namespace {
 
 /// A scene that is thinner than this is a thing in the open, no room.
 constexpr float kThinnestRoomM = 1.5f;
-constexpr double kMostLeaked = 0.01;
+constexpr double kMaxLeaked = 0.01;
 /// People place sources and listeners at least so far from walls.
 constexpr float kFromWallsM = 0.2f;
 
@@ -123,7 +123,7 @@ bool PlaceCheck::is_closed_room() const {
   if (!is_closed_room_) {
     const Scene& scene = acoustics_.scene();
     const glm::vec3 size = scene.bounds().upper - scene.bounds().lower;
-    is_closed_room_ = std::min({size.x, size.y, size.z}) >= kThinnestRoomM && report_scene(scene).leaked_ray_fraction <= kMostLeaked;
+    is_closed_room_ = std::min({size.x, size.y, size.z}) >= kThinnestRoomM && report_scene(scene).leaked_ray_fraction <= kMaxLeaked;
   }
   return *is_closed_room_;
 }

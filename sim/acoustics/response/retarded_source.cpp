@@ -42,7 +42,7 @@ void retard_arrivals(const SourcePlaceAt& place, double emitted_s, double heard_
     const double delay_s = retarded_delay_s(length_m / c, c, [&](double delay) {
       const glm::dvec3 moved = place(heard_s - delay) - emitted_from;
       const double square = length_m * length_m - 2 * length_m * glm::dot(departure, moved) + glm::dot(moved, moved);
-      return std::max(std::sqrt(std::max(square, 0.0)), double{kLeastDistanceM});
+      return std::max(std::sqrt(std::max(square, 0.0)), double{kMinDistanceM});
     });
     arrival.distance_m = static_cast<float>(c * delay_s);
     const auto nearer = static_cast<float>(length_m / (c * delay_s));

@@ -141,8 +141,8 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
     seeded_ = scene.with_rays(config.rays, config.seed + frame_ * kSeedStep);
     compute_energy_response(*seeded_, candidates, listener, response);
     const double c = scene.speed_of_sound_m_per_s();
-    const double direct_s = std::max(glm::distance(place.source, listener), kLeastDistanceM) / c;
-    const double before_s = std::max(glm::distance(before_.source, before_.listener), kLeastDistanceM) / c;
+    const double direct_s = std::max(glm::distance(place.source, listener), kMinDistanceM) / c;
+    const double before_s = std::max(glm::distance(before_.source, before_.listener), kMinDistanceM) / c;
     double move_m = glm::distance(place.source, before_.source) + glm::distance(listener, before_.listener);
     if (!candidates.emission().omnidirectional()) move_m += kMetresPerRadian * angle_between(place.orientation, before_.orientation);
     // A room's late level does not move with the direct sound, so the shift itself is a drift where the decay is steep.

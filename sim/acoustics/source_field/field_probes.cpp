@@ -123,7 +123,7 @@ void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoo
   }
   const std::vector<std::uint32_t> active = smoothing.reachable(read);
   std::vector<std::pair<float, std::uint32_t>> order;
-  for (int sweeps = 0; sweeps <= FieldSmoothing::kMostSweeps; ++sweeps) {
+  for (int sweeps = 0; sweeps <= FieldSmoothing::kMaxSweeps; ++sweeps) {
     if (sweeps > 0) smoothing.sweep(1, kProbes, active, weights, spare);
     for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
       order.clear();
@@ -190,7 +190,7 @@ std::vector<double> FieldProbes::probe_levels() const {
     of_tally[tally] = std::accumulate(sum.begin(), sum.end(), 0.0);
   }
   for (std::uint32_t probe = 0; probe < kProbes; ++probe)
-    for (const Reader& reader : readers_[static_cast<std::size_t>(FieldSmoothing::kMostSweeps) * kProbes + probe])
+    for (const Reader& reader : readers_[static_cast<std::size_t>(FieldSmoothing::kMaxSweeps) * kProbes + probe])
       levels[probe] += double{reader.weight} * of_tally[reader.tally];
   return levels;
 }

@@ -21,10 +21,10 @@ constexpr int kSharp = 1;
 constexpr double kNoise = 3;
 /// No factor leaves [1 / kMost, kMost].
 constexpr double kMost = 10;
-constexpr double kLeastRatio = 0.05;
+constexpr double kMinRatio = 0.05;
 /// Nothing is known better than this, relative: floats.  Their squares are none below the other, a fraction of the energy of all cells.
 constexpr double kRounding = 1e-6;
-constexpr float kLeastEnergy = 1e-14f;
+constexpr float kMinEnergy = 1e-14f;
 
 /// Wavelets of one cell and band over its windows.
 struct Wavelets {
@@ -135,8 +135,8 @@ void SmoothingCorrection::measure(const FieldSmoothing& smoothing, const Window&
   std::vector<float>& precision = precision_.emplace_back(num_cells_ * stride_, 0.f);
   for (const std::uint32_t cell : active)
     for (std::size_t i = cell * stride_; i < (cell + 1) * stride_; ++i) {
-      if (!(smooth[i] > kLeastEnergy)) continue;
-      const double ratio = std::max(double{sharp[i]} / double{smooth[i]}, kLeastRatio);
+      if (!(smooth[i] > kMinEnergy)) continue;
+      const double ratio = std::max(double{sharp[i]} / double{smooth[i]}, kMinRatio);
       const double noise = double{variance[i]} / (double{smooth[i]} * double{smooth[i]}) + kRounding * kRounding;
       missing[i] = static_cast<float>(gain * std::log(ratio));
       precision[i] = static_cast<float>(1 / (gain * gain * noise));

@@ -19,8 +19,8 @@ namespace {
 
 /// Values of a few merged bins at a time: they stay in the first cache.
 constexpr std::size_t kBlockValues = 4096;
-constexpr std::size_t kLeastBlockBins = 3;
-static_assert(kBlockValues >= kLeastBlockBins * kMaxCoefficients * kMaxBands);
+constexpr std::size_t kMinBlockBins = 3;
+static_assert(kBlockValues >= kMinBlockBins * kMaxCoefficients * kMaxBands);
 
 /// One cell's part of the sound at a listener.
 struct Part {

@@ -94,7 +94,7 @@ struct SourceFieldStore::Impl {
 
   /// Call with the lock held.
   void keep(Entry& entry, const Field& field) {
-    forget_what_nobody_holds();
+    drop_unused_fields();
     if (field->image().size() > config.max_memory_bytes) return;
     entry.cached = field;
     cached_bytes += field->image().size();
@@ -106,7 +106,7 @@ struct SourceFieldStore::Impl {
       oldest->second.cached.reset();
     }
   }
-  void forget_what_nobody_holds() {
+  void drop_unused_fields() {
     std::erase_if(entries,
                   [](const auto& item) { return !item.second.making.valid() && !item.second.cached && item.second.held.expired(); });
   }

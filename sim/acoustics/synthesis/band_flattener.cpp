@@ -18,7 +18,7 @@ constexpr double kWideWindow = 2.3, kNarrowWindow = 1.1;
 /// Keeps the local covariance invertible, relative to its mean.
 constexpr float kRegularization = 1e-3f;
 /// Of the narrow window, relative to the power of one channel; what a deep gap is raised by at most.
-constexpr float kLeastPower = 1e-6f;
+constexpr float kMinPower = 1e-6f;
 
 std::size_t last_bin(const BandFilters& filters, int band) {
   std::size_t last = 1;
@@ -66,7 +66,7 @@ void BandFlattener::flatten(std::span<const std::vector<Complex>> noise) {
   for (std::size_t c = 0; c < num_channels_; ++c) {
     for (std::size_t n = 0; n < length_; ++n) plane_[n] = std::norm(signal_[c][n]);
     smooth(plane_, narrow_);
-    for (std::size_t n = 0; n < length_; ++n) plane_[n] = scale_ * signal_[c][n].real() / std::sqrt(std::max(plane_[n], kLeastPower));
+    for (std::size_t n = 0; n < length_; ++n) plane_[n] = scale_ * signal_[c][n].real() / std::sqrt(std::max(plane_[n], kMinPower));
     fft_.forward(plane_, std::span(signal_[c]).first(bins_.size()));
   }
 }

@@ -19,7 +19,7 @@ constexpr double kMaxConcentration = 20.0;
 /// Room around the response for what delays and patterns ring, beside the size of the array.
 constexpr double kGuardS = 0.01;
 /// Slowest sound that the room is laid out for.
-constexpr float kLeastSpeedMPerS = 200.f;
+constexpr float kMinSpeedMPerS = 200.f;
 
 std::vector<glm::vec3> spread_directions(int count) {
   std::vector<glm::vec3> directions;
@@ -39,7 +39,7 @@ float largest_offset_m(const std::vector<Microphone>& microphones) {
 
 std::size_t guard_for(float rate_hz, float largest_offset_m) {
   return static_cast<std::size_t>(
-      std::ceil(static_cast<double>(rate_hz) * (kGuardS + static_cast<double>(largest_offset_m / kLeastSpeedMPerS))));
+      std::ceil(static_cast<double>(rate_hz) * (kGuardS + static_cast<double>(largest_offset_m / kMinSpeedMPerS))));
 }
 
 }  // namespace

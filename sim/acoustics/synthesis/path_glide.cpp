@@ -29,7 +29,7 @@ PathGlider::PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_
       taps_(num_channels_ * num_taps_),
       piece_time_(static_cast<std::size_t>(fft_.size())) {
   require(block_samples >= 1, "samples of a block", block_samples, "must be at least 1");
-  require(most_slope > 0 && most_slope <= kMostSlope, "largest change of a delay", most_slope, "must be in (0, 0.25]");
+  require(most_slope > 0 && most_slope <= kMaxSlope, "largest change of a delay", most_slope, "must be in (0, 0.25]");
   num_pieces_ = (static_cast<std::size_t>(block_samples) + hop() - 1) / hop();
   spectrum_.resize(num_pieces_ * num_bins_);
   sum_time_.resize(num_pieces_ * hop());

@@ -51,11 +51,11 @@ class PathGlider {
  public:
   /// block_samples: of a block between two poses.  The strongest paths within kRangeDb of the strongest glide, as many as the config says;
   /// one whose delay would change by more than most_slope, in (0, 0.25] samples per sample, has jumped, and fades.
-  PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples, double most_slope = kMostSlope);
+  PathGlider(std::shared_ptr<const SynthesisTables> tables, int block_samples, double most_slope = kMaxSlope);
 
   static constexpr double kRangeDb = 12, kKeptDb = 2;
   /// 86 m/s, of a source that approaches 69 m/s.
-  static constexpr double kMostSlope = 0.25;
+  static constexpr double kMaxSlope = 0.25;
 
   /// Marks the arrivals that are heard through this: [arrivals] of 0 or 1, for RirSynthesizer::render.  before: of the pose before; null:
   /// none.  What was among the strongest there counts as stronger by kKeptDb, so that paths of about one level do not take turns; what

@@ -18,7 +18,7 @@ namespace earshot {
 namespace {
 
 constexpr std::uint32_t kBatches = 16;
-constexpr double kLeastConnected = 0.25;                    // of listener vertices
+constexpr double kMinConnected = 0.25;                      // of listener vertices
 constexpr std::size_t kWaveBytes = std::size_t{256} << 20;  // of batch histograms held at once
 
 /// Counts finished units of work and reports the fraction that is done, one call at a time.
@@ -174,7 +174,7 @@ mis::Strategies strategies_of(const AcousticConfig& config, const BidirectionalO
   if (batch.num_source_paths == 0) return strategies;
   // As many connected listener rays as source paths: the others serve paths with a mirror at both ends, which only the volume catches, and
   // are spared two shadow rays of three rays per vertex.
-  strategies.connected = std::clamp(double{1} * config.source_rays / config.rays, kLeastConnected, 1.0);
+  strategies.connected = std::clamp(double{1} * config.source_rays / config.rays, kMinConnected, 1.0);
   strategies.next_event *= strategies.connected;
   strategies.source_bounces = std::min(config.source_bounces, config.max_bounces);
   if (options.connection) strategies.connection = strategies.connected / strategies.source_bounces;
@@ -207,7 +207,7 @@ BidirectionalScene shared_by_batches(const AcousticScene& scene, const EarlyCand
                                      int num_coefficients) {
   const AcousticConfig& config = scene.config();
   const float source_radius_m = candidates.sound_source().radius_m;
-  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
+  const float least_distance_m = kMinDistanceFraction * scene.diagonal_m();
   return {.scene = scene,
           .candidates = candidates,
           .model = scene.reflection_model(),

@@ -17,11 +17,11 @@ namespace earshot {
 /// connections alone.  The bits are those of a trace from nothing.
 ///
 /// Filled by the second trace in a row of the same scene, seed and listener, so that listeners that move pay nothing; used by all after it.
-/// Traces of up to 256 rays whose last segments are treated as diffuse (preset `fast`).  Bounded: kMostVertices vertices, 5 MiB with octave
+/// Traces of up to 256 rays whose last segments are treated as diffuse (preset `fast`).  Bounded: kMaxVertices vertices, 5 MiB with octave
 /// bands and 8 MiB with 32 bands; about 0.5 MiB with 64 rays in a house.  One thread at a time.
 class ListenerPaths {
  public:
-  static constexpr std::size_t kMostVertices = 32768;
+  static constexpr std::size_t kMaxVertices = 32768;
 
   enum class Use { none, record, replay };
   /// What the next trace is to do.  scene: AcousticScene::hash(), which holds the seed.
@@ -56,10 +56,10 @@ class ListenerPaths {
     std::uint32_t blocker = kNone;   ///< what hid the source last (EmbreeScene::occluded)
     bool all_specular = false;       ///< mirrors only, until here
   };
-  /// Adds one; reflected: energy per padded band.  Returns its index.  Past kMostVertices nothing is kept of this trace.
+  /// Adds one; reflected: energy per padded band.  Returns its index.  Past kMaxVertices nothing is kept of this trace.
   std::uint32_t add(const Vertex& vertex, std::span<const float> reflected) {
     if (state_ != State::recorded) return Vertex::kNone;
-    if (vertices_.size() == kMostVertices) {
+    if (vertices_.size() == kMaxVertices) {
       state_ = State::too_many;
       vertices_ = {};
       reflected_ = {};
@@ -105,7 +105,7 @@ class ListenerMemory {
     return *paths_;
   }
   /// The same paths for responses of several sources, computed one after the other.
-  void use_those_of(ListenerMemory& other) {
+  void use_memory_of(ListenerMemory& other) {
     if (!other.paths_) other.paths_ = std::make_shared<ListenerPaths>();
     paths_ = other.paths_;
   }

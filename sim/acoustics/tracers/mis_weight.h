@@ -22,8 +22,8 @@
 namespace earshot::mis {
 
 inline constexpr int kMaxSourceBounces = 60;
-inline constexpr double kLeastCosine = 1e-7;    // grazing: quotients stay finite
-inline constexpr double kLeastLength2 = 1e-24;  // m^2, of a ray that starts on the surface that it meets: likewise
+inline constexpr double kMinCosine = 1e-7;    // grazing: quotients stay finite
+inline constexpr double kMinLength2 = 1e-24;  // m^2, of a ray that starts on the surface that it meets: likewise
 
 /// How many samples each strategy gets, relative to one per listener vertex.
 struct Strategies {
@@ -39,7 +39,7 @@ struct Strategies {
 
 /// Density per area of a vertex met under `cosine` at `distance` along a direction of density `pdf` per solid angle.
 inline double area_pdf(double pdf, double cosine, double distance_m) {
-  return pdf * std::max(cosine, kLeastCosine) / std::max(distance_m * distance_m, kLeastLength2);
+  return pdf * std::max(cosine, kMinCosine) / std::max(distance_m * distance_m, kMinLength2);
 }
 inline constexpr double kPointPdf = 0.25 / std::numbers::pi;  // source and listener shoot evenly into the sphere
 

@@ -181,7 +181,7 @@ TraceStats trace_late(const AcousticScene& scene, const EarlyCandidates& candida
 
   const auto shift = RandomStream(config.seed, Purpose::listener_ray).bits4(0);
   const float spread_m = candidates.sound_source().radius_m;
-  const float least_distance_m = kLeastDistanceFraction * scene.diagonal_m();
+  const float least_distance_m = kMinDistanceFraction * scene.diagonal_m();
   const Trace trace{.scene = scene,
                     .candidates = candidates,
                     .emission = candidates.emission().omnidirectional() ? nullptr : &candidates.emission(),

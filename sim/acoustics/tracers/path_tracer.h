@@ -14,7 +14,7 @@ class ListenerPaths;
 
 /// Of the scene's diagonal: shortest distance in the geometry term (docs/evidence/stability.md, H-18).  Small, because scenes with 20 km of
 /// ground are legal.
-inline constexpr float kLeastDistanceFraction = 1e-5f;
+inline constexpr float kMinDistanceFraction = 1e-5f;
 
 /// Counters of one trace.
 struct TraceStats {

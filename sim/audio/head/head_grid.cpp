@@ -42,9 +42,9 @@ HeadGrid::Blend HeadGrid::blend_sphere(glm::dvec3 towards, int ear) const {
 
 /// Rows of the left ear; the right one follows each.
 HeadGrid::Blend HeadGrid::blend_nodes(glm::dvec3 towards) {
-  Blend blend{.count = kMostRows};
+  Blend blend{.count = kMaxRows};
   const NodeGrid::Place place = NodeGrid::find(towards);
-  for (std::size_t i = 0; i < kMostRows; ++i) {
+  for (std::size_t i = 0; i < kMaxRows; ++i) {
     blend.row[i] = 2 * place.node[i];
     blend.weight[i] = place.weight[i];
   }

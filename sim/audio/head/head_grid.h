@@ -40,11 +40,11 @@ struct HeadGrid {
   static HeadGrid rigid_sphere(float sample_rate_hz);
 
  private:
-  static constexpr std::size_t kMostRows = 4;
+  static constexpr std::size_t kMaxRows = 4;
   struct Blend {
     std::size_t count = 0;
-    std::array<std::size_t, kMostRows> row{};
-    std::array<float, kMostRows> weight{};
+    std::array<std::size_t, kMaxRows> row{};
+    std::array<float, kMaxRows> weight{};
   };
   [[nodiscard]] Blend blend_sphere(glm::dvec3 towards, int ear) const;
   [[nodiscard]] static Blend blend_nodes(glm::dvec3 towards);

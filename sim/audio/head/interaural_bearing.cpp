@@ -16,7 +16,7 @@ constexpr double kFrame_s = 0.032;
 constexpr double kLowest_hz = 200, kHighest_hz = 7000;
 constexpr float kRange_db = 45;  ///< bins further below the loudest do not count
 constexpr float kLevelTolerance_db = 8, kLevelWeight = 0.3f;
-constexpr float kLeastPower = 1e-20f;
+constexpr float kMinPower = 1e-20f;
 
 int frame_size(float sample_rate_hz) {
   return next_power_of_two(static_cast<int>(std::lround(kFrame_s * static_cast<double>(sample_rate_hz))));
@@ -74,7 +74,7 @@ InterauralBearing::Estimate InterauralBearing::estimate(std::span<const float> s
   std::ranges::fill(response, 0.f);
   add_frames(sound);
   const float loudest = loudest_power();
-  if (!(loudest > kLeastPower)) return {};
+  if (!(loudest > kMinPower)) return {};
   const BinSums sums = steer(loudest * std::pow(10.f, -0.1f * kRange_db), response);
   if (!(sums.weights > 0)) return {};
   for (float& r : response) r = static_cast<float>(static_cast<double>(r) / sums.weights);

@@ -60,7 +60,7 @@ std::string wanted_list(const ConfigKey& key) {
   const Allowed& allowed = key.allowed;
   if (key.type == KeyType::texts) {
     const std::string item = allowed.wanted.empty() ? "text" : std::string(allowed.wanted);
-    return (allowed.is_one_enough ? item + ", or " : "") + "a list of " + item + ", for example [a, b]";
+    return (allowed.accepts_scalar ? item + ", or " : "") + "a list of " + item + ", for example [a, b]";
   }
   const std::string numbers = is_whole(key.type) ? "whole numbers" : "numbers";
   const std::string bounds = bounds_text(allowed, unit_of_key(key.name));
@@ -128,7 +128,7 @@ std::string type_text(const ConfigKey& key) {
     case KeyType::numbers:
       return "list of numbers";
     case KeyType::texts:
-      return key.allowed.is_one_enough ? "text or list" : "list of text";
+      return key.allowed.accepts_scalar ? "text or list" : "list of text";
     case KeyType::nested_numbers:
       return "nested lists of numbers";
   }

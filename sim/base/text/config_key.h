@@ -34,7 +34,7 @@ struct Allowed {
   int multiple = 1;                  ///< whole numbers: a multiple of this
   int count = 0;                     ///< of a list: how many items; 0: any number
   bool is_interval = false;          ///< of a list of two numbers: the first is not the larger one
-  bool is_one_enough = false;        ///< of a list: a single item may stand without brackets
+  bool accepts_scalar = false;       ///< of a list: a single item may stand without brackets
   std::string_view wanted = {};      ///< of text: what it is, "the name of a material"; empty: any text
   std::string_view reason = {};      ///< why no other value is taken, for messages; may be empty
 
@@ -77,7 +77,7 @@ struct Allowed {
   }
   [[nodiscard]] constexpr Allowed or_single() const {
     Allowed copy = *this;
-    copy.is_one_enough = true;
+    copy.accepts_scalar = true;
     return copy;
   }
   [[nodiscard]] constexpr Allowed because(std::string_view why) const {

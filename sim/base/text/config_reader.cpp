@@ -114,7 +114,7 @@ T parse_value(const YAML::Node& node, const Allowed& allowed) {
   if constexpr (is_number_type<T>)
     if (!allowed.word.empty() && allowed.other && node.IsScalar() && node.Scalar() == allowed.word) return static_cast<T>(*allowed.other);
   if constexpr (std::is_same_v<T, std::vector<std::string>>)
-    if (allowed.is_one_enough && node.IsScalar()) return {node.Scalar()};
+    if (allowed.accepts_scalar && node.IsScalar()) return {node.Scalar()};
   return node.as<T>();
 }
 

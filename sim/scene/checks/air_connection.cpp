@@ -13,7 +13,7 @@ namespace earshot {
 namespace {
 
 constexpr std::uint32_t kFirstWalks = 256, kAllWalks = 16384, kReflections = 32;
-constexpr std::size_t kMostPoints = 2048;
+constexpr std::size_t kMaxPoints = 2048;
 
 /// Walks from one of the places.
 class Wanderer {
@@ -46,10 +46,10 @@ class Wanderer {
 
  private:
   void keep(glm::vec3 point) {
-    if (reached_.size() < kMostPoints)
+    if (reached_.size() < kMaxPoints)
       reached_.push_back(point);
     else
-      reached_[next_++ % kMostPoints] = point;
+      reached_[next_++ % kMaxPoints] = point;
   }
 
   const Scene& scene_;

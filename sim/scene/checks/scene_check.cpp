@@ -14,23 +14,23 @@
 namespace earshot {
 namespace {
 
-constexpr double kMostLeaked = 0.01, kLeastVolumeM3 = 1;
+constexpr double kMaxLeaked = 0.01, kMinVolumeM3 = 1;
 /// Above this a scene is open country: over a floor alone one half of the rays leaves, of a wide room without a ceiling two fifths.
 constexpr double kOpenCountry = 0.45;
-constexpr std::size_t kMostNames = 4;
+constexpr std::size_t kMaxNames = 4;
 
 void warn_of_air(const SceneReport& report, std::vector<std::string>& warnings) {
-  if (report.ray_efficiency < kMostLeaked)
+  if (report.ray_efficiency < kMaxLeaked)
     warnings.emplace_back(
         "the scene encloses no air: almost no ray that starts above its floor hits a surface; check that the mesh is complete and that its "
         "up axis is right");
   else if (report.leaked_ray_fraction > kOpenCountry)
     return;
-  else if (report.leaked_ray_fraction > kMostLeaked)
+  else if (report.leaked_ray_fraction > kMaxLeaked)
     warnings.push_back(
         fmt::format("{:.0f} % of the rays leave the scene through holes or a missing ceiling; `earshot scene` lists the holes",
                     100 * report.leaked_ray_fraction));
-  else if (report.volume_m3 < kLeastVolumeM3)
+  else if (report.volume_m3 < kMinVolumeM3)
     warnings.push_back(fmt::format("the scene encloses {:.3g} m3 of air; check its unit, and that the mesh is complete", report.volume_m3));
 }
 
@@ -56,8 +56,8 @@ void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
   }
   if (names.empty()) return;
   const std::size_t count = names.size();
-  if (count > kMostNames) {
-    names.resize(kMostNames);
+  if (count > kMaxNames) {
+    names.resize(kMaxNames);
     names.emplace_back("...");
   }
   warnings.push_back(fmt::format("no {} for {} of {} surfaces ({:.0f} % of the area), which use {}: {} ({})",

@@ -10,7 +10,7 @@ namespace {
 
 /// Height over longest side, of new triangles.
 constexpr double kNarrowest = 0.01;
-constexpr int kMostPasses = 64;
+constexpr int kMaxPasses = 64;
 
 /// Twice the area, positive counterclockwise.
 double twice_area(glm::dvec2 a, glm::dvec2 b, glm::dvec2 c) { return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x); }
@@ -30,7 +30,7 @@ class Collapse {
 
   void run() {
     bool any = true;
-    for (int pass = 0; any && pass < kMostPasses; ++pass) {
+    for (int pass = 0; any && pass < kMaxPasses; ++pass) {
       any = false;
       for (std::uint32_t v = 0; v < patch_.vertices.size(); ++v)
         if (!patch_.is_border[v] && !around_[v].empty()) any = try_collapse(v) || any;

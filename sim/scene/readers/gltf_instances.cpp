@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::uint64_t kMostInstances = 1'000'000;  // of one node
+constexpr std::uint64_t kMaxInstances = 1'000'000;  // of one node
 
 using Json = nlohmann::json;
 
@@ -52,7 +52,7 @@ std::vector<glm::dmat4> gltf_instances(const GltfAsset& asset, const Json& node,
   for (const Json& index : attributes)
     most = std::max(most, asset.json().at("accessors").at(index.get<std::size_t>()).at("count").get<std::uint64_t>());
   if (most == 0) throw InputError(where, fmt::format("{} of a node has no instances", name), "export the file again");
-  if (most > kMostInstances) throw InputError(where, fmt::format("has {} instances of one mesh", most), "simplify it");
+  if (most > kMaxInstances) throw InputError(where, fmt::format("has {} instances of one mesh", most), "simplify it");
   const std::vector<double> t = read("TRANSLATION", 3), q = read("ROTATION", 4), s = read("SCALE", 3);
   const auto count = static_cast<std::size_t>(most);
   const auto differs = [&](std::size_t size) { return size != 0 && size != count; };

@@ -18,7 +18,7 @@ namespace {
 using Json = nlohmann::json;
 
 /// Of all instances of a primitive.
-constexpr std::size_t kMostCorners = std::size_t{1} << 30;
+constexpr std::size_t kMaxCorners = std::size_t{1} << 30;
 constexpr std::size_t kPlain = 4, kStrip = 5, kFan = 6;
 
 /// Strips and fans as plain triangles (glTF 2.0, section 3.7.2.1); other modes have none.
@@ -134,7 +134,7 @@ class GltfReader {
     std::vector<std::uint32_t> corners = triangle_corners(indices, mode);
     num_promised_ += num_instances * promised_triangles(primitive, mode);
     num_copied_ += std::max(corners.size(), num_positions) * num_instances;
-    if (num_copied_ > kMostCorners)
+    if (num_copied_ > kMaxCorners)
       throw InputError(where_, fmt::format("has {} instances of {} triangles", num_instances, corners.size() / 3), "simplify it");
     return corners;
   }

@@ -19,7 +19,7 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMostNames = 4;  // in a warning
+constexpr std::size_t kMaxNames = 4;  // in a warning
 
 void add_obj_looks(std::string_view bytes, const std::filesystem::path& path, MeshFile& file) {
   const auto looks = read_obj_looks(bytes, path);
@@ -37,10 +37,10 @@ void warn_of_missing_libraries(std::string_view bytes, const std::filesystem::pa
     names.push_back(one_line(library.filename().string()));
   if (names.empty()) return;
   const std::size_t count = names.size();
-  names.resize(std::min(count, kMostNames));
+  names.resize(std::min(count, kMaxNames));
   file.warnings.push_back(
       fmt::format("{} material libraries are missing ({}{}), so surfaces have no colors and textures; material names are still used", count,
-                  listed(names, ", "), count > kMostNames ? ", ..." : ""));
+                  listed(names, ", "), count > kMaxNames ? ", ..." : ""));
 }
 
 }  // namespace

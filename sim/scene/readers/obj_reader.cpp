@@ -17,7 +17,7 @@ namespace earshot {
 namespace {
 
 constexpr std::uint32_t kNoUv = 0xFFFFFFFFu;
-constexpr std::size_t kMostVertices = 0xFFFFFFF0u;
+constexpr std::size_t kMaxVertices = 0xFFFFFFF0u;
 constexpr std::size_t kLongestName = 4096;  // every part holds a copy
 
 /// A statement: a line and those that continue it, without comment.
@@ -141,7 +141,7 @@ class ObjParser {
       if (divisor == 0) fail("the fourth number of a vertex (v) is zero");
       position /= divisor;
     }
-    if (positions_.size() >= kMostVertices) fail("has more than 4 billion vertices");
+    if (positions_.size() >= kMaxVertices) fail("has more than 4 billion vertices");
     positions_.push_back(position);
     if (!options_.with_looks) return;
     if (words_.size() >= 6) {
@@ -163,7 +163,7 @@ class ObjParser {
     const auto value = parse_whole(text);
     if (!value || *value == 0) return std::nullopt;
     const std::int64_t at = *value > 0 ? *value - 1 : static_cast<std::int64_t>(count) + *value;
-    if (at < 0 || at >= static_cast<std::int64_t>(kMostVertices)) return std::nullopt;
+    if (at < 0 || at >= static_cast<std::int64_t>(kMaxVertices)) return std::nullopt;
     return static_cast<std::uint32_t>(at);
   }
 

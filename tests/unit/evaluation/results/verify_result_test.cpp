@@ -91,7 +91,7 @@ TEST_F(VerifyResult, WalksWhatTheEnvironmentsRan) {
   for (const char* name : {"oracle.json", "random.json"})
     for (const int threads : {1, 2, 3}) {
       const EvaluationResult result = load_result(path(name));
-      EXPECT_TRUE(result.is_as_written);
+      EXPECT_TRUE(result.matches_checksum);
       Verification verified;
       ASSERT_EQ(refusal([&] { verified = verify(result, {.threads = threads}); }), "") << name;
       EXPECT_EQ(verified.episodes, 3u * kPerScene);

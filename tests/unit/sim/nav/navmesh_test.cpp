@@ -16,13 +16,13 @@ namespace {
 
 // Borders keep the agent's radius from walls: 0.1 m, up to 0.15 m because cells are 0.05 m, and less by as much where contours are
 // straightened.
-constexpr float kLeastClearanceM = 0.05f, kMostClearanceM = 0.2f;
+constexpr float kMinClearanceM = 0.05f, kMaxClearanceM = 0.2f;
 
 TEST(Navmesh, OpenFloorIsWalkableUpToTheAgentsRadius) {
   const Navmesh nav(floor_with(6, 4, {}), {});
   EXPECT_EQ(nav.num_islands(), 1);
-  EXPECT_GT(nav.area_m2(), (6 - 2 * kMostClearanceM) * (4 - 2 * kMostClearanceM));
-  EXPECT_LT(nav.area_m2(), (6 - 2 * kLeastClearanceM) * (4 - 2 * kLeastClearanceM));
+  EXPECT_GT(nav.area_m2(), (6 - 2 * kMaxClearanceM) * (4 - 2 * kMaxClearanceM));
+  EXPECT_LT(nav.area_m2(), (6 - 2 * kMinClearanceM) * (4 - 2 * kMinClearanceM));
   const auto middle = nav.snap({3, 0.4f, 2});
   ASSERT_TRUE(middle);
   EXPECT_EQ(middle->x, 3.f);

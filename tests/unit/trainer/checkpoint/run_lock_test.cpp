@@ -17,9 +17,9 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
+#include "tests/support/error_message.h"
 #include "tests/support/seconds_since.h"
 #include "tests/support/wait_for_flag.h"
-#include "tests/support/what_of.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/run_claim.h"
 
@@ -161,7 +161,7 @@ TEST_P(RunLockOf, WhatItMadeGoesIfNothingCameOfIt) {
   EXPECT_TRUE(std::filesystem::exists(deep / "events.jsonl"));
   EXPECT_FALSE(std::filesystem::exists(deep / "run.lock"));
   write_file_atomically(folder_.path() / "file", "x");
-  EXPECT_THAT(what_of([&] { RunLock::acquire(folder_.path() / "file", "test", options()); }), HasSubstr("file"));
+  EXPECT_THAT(error_message([&] { RunLock::acquire(folder_.path() / "file", "test", options()); }), HasSubstr("file"));
 }
 
 // The lock belongs to the run: another worker of it takes the place of a holder that stands still.
@@ -187,7 +187,8 @@ TEST(RunLock, AHolderOnAnotherHostIsGoneOnceItsLeaseIsOld) {
   record.process = 12;
   write_file_atomically(file, encode_lock_record(record));
   const auto start = std::chrono::steady_clock::now();
-  EXPECT_THAT(what_of([&] { RunLock::acquire(folder.path(), "test", options); }), HasSubstr("process 12 (earshot train) on host far"));
+  EXPECT_THAT(error_message([&] { RunLock::acquire(folder.path(), "test", options); }),
+              HasSubstr("process 12 (earshot train) on host far"));
   EXPECT_LT(seconds_since(start), 0.5) << "nothing is waited for";
   while (seconds_since(start) < 1.6) std::this_thread::sleep_for(milliseconds(50));
   EXPECT_NE(RunLock::acquire(folder.path(), "test", options), nullptr);
@@ -196,7 +197,7 @@ TEST(RunLock, AHolderOnAnotherHostIsGoneOnceItsLeaseIsOld) {
   write_file_atomically(file, encode_lock_record(record));
   const timespec old[2]{{1000, 0}, {1000, 0}};
   ASSERT_EQ(::utimensat(AT_FDCWD, file.c_str(), old, 0), 0);
-  EXPECT_THAT(what_of([&] { RunLock::acquire(folder.path(), "test", options); }), HasSubstr("remove " + file.string()));
+  EXPECT_THAT(error_message([&] { RunLock::acquire(folder.path(), "test", options); }), HasSubstr("remove " + file.string()));
 }
 
 TEST(RunLock, ALeaseIsRenewedWhileItsHolderLivesAndLostIfItStandsStill) {
@@ -277,7 +278,7 @@ TEST(RunClaim, AnotherRunInTheFolderEndsTheWriter) {
   EXPECT_TRUE(second.is_held());
   second.give_up();
   const auto other = RunLock::acquire(folder.path(), "earshot train", {});
-  EXPECT_THAT(what_of([&] { second.take(); }), HasSubstr("was taken over by process"));
+  EXPECT_THAT(error_message([&] { second.take(); }), HasSubstr("was taken over by process"));
 }
 
 }  // namespace

@@ -16,8 +16,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/error_message.h"
 #include "tests/support/seconds_since.h"
-#include "tests/support/what_of.h"
 #include "tests/support/workers/summed_addends.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/shared_memory.h"
@@ -239,7 +239,7 @@ TEST(Collective, ASumOfAnotherSizeIsNamedWithBothSizes) {
       RingConfig config = ring_in(folder, rank, world_size);
       config.network.shared_memory = false;
       std::vector<float> buffer(rank == 1 ? 200000 : 100000);
-      const std::string text = what_of([&] { make_zmq_ring(config)->all_reduce_sum(buffer); });
+      const std::string text = error_message([&] { make_zmq_ring(config)->all_reduce_sum(buffer); });
       const auto has = [&](const char* part) { return text.find(part) != std::string::npos; };
       said[0] += has("with 800000 bytes") && has("with 400000 bytes");
       said[1] += has("wrong part of the buffer");

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "tests/support/what_of.h"
+#include "tests/support/error_message.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/collective.h"
 #include "trainer/launch/launcher_job.h"
@@ -83,7 +83,7 @@ TEST_F(RunKeyOf, AFolderOpenToOthersIsRefused) {
   }
   std::filesystem::create_directory(parent);
   ASSERT_EQ(::chmod(parent.c_str(), 0777), 0);
-  EXPECT_THAT(what_of([] { const RunKey key("run", "tcp://127.0.0.1:5555"); }), HasSubstr("is not a folder of this user alone"));
+  EXPECT_THAT(error_message([] { const RunKey key("run", "tcp://127.0.0.1:5555"); }), HasSubstr("is not a folder of this user alone"));
 }
 
 // Whoever knows the run id, the port and the number of workers, but cannot read the key, takes no rank.
@@ -96,7 +96,7 @@ TEST_F(RunKeyOf, AnUnknownPeerOnTheLoopbackInterfaceTakesNoRank) {
       unknown_peer.rendezvous = rendezvous;
       unknown_peer.run_id = "known to all";
       unknown_peer.timeout = std::chrono::milliseconds(2500);
-      return what_of([&] { make_zmq_ring(unknown_peer); }) != "no error";
+      return error_message([&] { make_zmq_ring(unknown_peer); }) != "no error";
     }
     if (number == 1) std::this_thread::sleep_for(std::chrono::milliseconds(1500));
     set_worker(number, rendezvous);

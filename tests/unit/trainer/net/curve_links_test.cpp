@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
-#include "tests/support/what_of.h"
+#include "tests/support/error_message.h"
 #include "tests/support/workers/curve_ring.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/rendezvous.h"
@@ -94,7 +94,7 @@ TEST_F(CurveLinks, WorkerWithoutTheRightKeyIsToldAtOnce) {
     }
     if (process == 1) config.network.meeting_key = read_curve_keys(keys_).public_key;  // a key that is not on the list
     if (process == 3) config.network = {};                                             // none
-    return contains(what_of([&] { make_zmq_ring(config); }), process == 1 ? "does not accept the key" : "do not have matching keys");
+    return contains(error_message([&] { make_zmq_ring(config); }), process == 1 ? "does not accept the key" : "do not have matching keys");
   });
   for (const int process : {1, 2, 3}) EXPECT_EQ(workers.wait(process), 0) << process;
 }
@@ -176,7 +176,7 @@ TEST_F(CurveLinks, LinksThatLeaveTheHostNeedKeysThatOthersCannotRead) {
   RingConfig config = curve_ring("192.0.2.1", 5555, 0, 2, keys_);
   EXPECT_NO_THROW(validate(config));
   config.network = {};
-  EXPECT_NE(what_of([&] { validate(config); }).find("earshot keys"), std::string::npos);
+  EXPECT_NE(error_message([&] { validate(config); }).find("earshot keys"), std::string::npos);
   config.network.insecure = true;
   EXPECT_NO_THROW(validate(config));
   std::filesystem::permissions(keys_, std::filesystem::perms::group_read, std::filesystem::perm_options::add);

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
-#include "tests/support/what_of.h"
+#include "tests/support/error_message.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/wire.h"
@@ -135,10 +135,10 @@ TEST(Rendezvous, WrongRunIdIsARunErrorAtTheUnknownPeer) {
     RingConfig config = ring_in(folder, rank, 2);
     if (rank == 0) {
       config.timeout = milliseconds(1000);
-      return what_of([&] { make_zmq_ring(config); }).find("worker 1 of 2 did not connect within 1000 ms") != std::string::npos;
+      return error_message([&] { make_zmq_ring(config); }).find("worker 1 of 2 did not connect within 1000 ms") != std::string::npos;
     }
     config.run_id = "another";
-    return what_of([&] { make_zmq_ring(config); }).find("refuses worker 1: its run id") != std::string::npos;
+    return error_message([&] { make_zmq_ring(config); }).find("refuses worker 1: its run id") != std::string::npos;
   });
   workers.expect_all_succeed();
 }
@@ -147,7 +147,7 @@ TEST(Rendezvous, NoRankZeroEndsAfterTheTimeout) {
   const PrivateTestFolder folder;
   RingConfig config = ring_in(folder, 1, 2);
   config.timeout = milliseconds(300);
-  EXPECT_NE(what_of([&] { make_zmq_ring(config); }).find("worker 0 did not answer within 300 ms"), std::string::npos);
+  EXPECT_NE(error_message([&] { make_zmq_ring(config); }).find("worker 0 did not answer within 300 ms"), std::string::npos);
 }
 
 TEST(Rendezvous, BadConfigsAreInputErrors) {
@@ -158,7 +158,7 @@ TEST(Rendezvous, BadConfigsAreInputErrors) {
     RingConfig config = good;
     change(config);
     EXPECT_THROW(make_zmq_ring(config), InputError) << text;
-    EXPECT_NE(what_of([&] { make_zmq_ring(config); }).find(text), std::string::npos) << what_of([&] { make_zmq_ring(config); });
+    EXPECT_NE(error_message([&] { make_zmq_ring(config); }).find(text), std::string::npos) << error_message([&] { make_zmq_ring(config); });
   };
   expect_refused([](RingConfig& c) { c.rendezvous = "tcp://0.0.0.0:5555"; }, "CURVE");
   expect_refused([](RingConfig& c) { c.rendezvous = "tcp://*:5555"; }, "invalid character");

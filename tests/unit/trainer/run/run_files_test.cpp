@@ -10,7 +10,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "tests/support/what_of.h"
+#include "tests/support/error_message.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/run_folder.h"
 #include "trainer/run/resource_need.h"
@@ -113,7 +113,7 @@ TEST_F(SmallDisk, TheLastOneWaitsForRoom) {
   EXPECT_EQ(load_checkpoint(files.checkpoint_of(2, true)).update, 2u);
   // Not for ever; what was saved stays.
   room_ = 0;
-  EXPECT_THAT(what_of([&] { static_cast<void>(files.save(of(3), true, {})); }), HasSubstr("cannot be written"));
+  EXPECT_THAT(error_message([&] { static_cast<void>(files.save(of(3), true, {})); }), HasSubstr("cannot be written"));
   EXPECT_EQ(load_checkpoint_metadata(find_checkpoint(folder_.path())).update, 2u);
 }
 
@@ -133,7 +133,7 @@ TEST(ResourceNeed, GrowsWithWhatIsAskedFor) {
 TEST(ResourceNeed, IsRefusedBeyondTheMachine) {
   const MachineLimits machine{.memory_bytes = std::uint64_t{16} << 30, .cores = 2};
   const auto refusal = [&](const std::vector<std::string>& overrides, int processes, const MachineLimits& limits) {
-    return what_of([&] { refuse_beyond_machine(config_of(overrides), processes, limits); });
+    return error_message([&] { refuse_beyond_machine(config_of(overrides), processes, limits); });
   };
   EXPECT_EQ(refusal({}, 4, machine), "no error");
   EXPECT_EQ(refusal({}, 32, machine), "no error");

@@ -121,7 +121,7 @@ TEST(MovingSource, CellsAreBoundedAndComeBackTheSame) {
   EXPECT_FALSE(first->empty());
   EXPECT_EQ(acoustics.plane_cells().of(acoustics, {0.51f, 1.01f, 0.49f}).get(), first.get());
   for (int i = 0; i < 700; ++i) (void)acoustics.plane_cells().of(acoustics, {0.5f + static_cast<float>(i), 1.f, 20.5f});
-  EXPECT_EQ(acoustics.plane_cells().size(), PlaneCells::kMostCells);
+  EXPECT_EQ(acoustics.plane_cells().size(), PlaneCells::kMaxCells);
   const auto again = acoustics.plane_cells().of(acoustics, {0.5f, 1.f, 0.5f});
   EXPECT_NE(again.get(), first.get());
   EXPECT_EQ(*again, *first);

@@ -115,14 +115,14 @@ TEST(ListenerPaths, RecordsTheSecondTimeAndForgetsWhenAnythingMoves) {
   EXPECT_EQ(paths.next(1, {1, 2, 3.5f}), Use::none);
   EXPECT_EQ(paths.next(1, {1, 2, 3.5f}), Use::record);
   const std::array<float, 8> reflected{};
-  for (std::size_t i = 0; i <= ListenerPaths::kMostVertices; ++i) paths.add({}, reflected);
+  for (std::size_t i = 0; i <= ListenerPaths::kMaxVertices; ++i) paths.add({}, reflected);
   EXPECT_TRUE(paths.vertices().empty());
   EXPECT_EQ(paths.next(1, {1, 2, 3.5f}), Use::none);
 }
 
 TEST(ListenerPaths, SourcesShareAListenerAndCopiesDoNot) {
   EnergyResponse first, second;
-  second.memory.use_those_of(first.memory);
+  second.memory.use_memory_of(first.memory);
   EXPECT_EQ(&second.memory.paths(), &first.memory.paths());
   EnergyResponse copy = second;
   EXPECT_NE(&copy.memory.paths(), &first.memory.paths());

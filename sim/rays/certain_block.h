@@ -12,7 +12,7 @@ namespace earshot {
 /// Does the segment pass through the triangle with so much room to spare that any ray tracer says so?  Never true where rounding could
 /// decide: where the segment passes within 1e-5 of the largest coordinate of a side, ends that close to the plane of the triangle, or meets
 /// it at less than half a degree.
-inline bool surely_blocks(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 from, glm::vec3 to) {
+inline bool certainly_blocks(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 from, glm::vec3 to) {
   using Vector = glm::dvec3;
   const Vector origin(a), ab = Vector(b) - origin, ac = Vector(c) - origin, normal = glm::cross(ab, ac);
   const Vector start = Vector(from) - origin, along = Vector(to) - Vector(from);

@@ -8,7 +8,7 @@
 namespace earshot {
 
 /// The message of what `call` throws; "no error" if it does not.
-inline std::string what_of(const std::function<void()>& call) {
+inline std::string error_message(const std::function<void()>& call) {
   try {
     call();
   } catch (const std::exception& error) {
