@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// What errno stands for, in words.
+/// Message for errno.
 inline std::string last_error() { return std::generic_category().message(errno); }
 
 /// Owns a file descriptor; -1: none.

@@ -31,7 +31,7 @@ FileLock::FileLock(FileLock&& other) noexcept : path_(std::move(other.path_)), d
 
 FileLock::~FileLock() {
   if (descriptor_ < 0) return;
-  ::unlink(path_.c_str());  // first: who waits finds that its file is gone, and makes a new one
+  ::unlink(path_.c_str());  // first: a waiting process finds its file removed, and creates a new one
   ::close(descriptor_);
 }
 

@@ -119,8 +119,8 @@ std::optional<ImageStore::Image> ImageStore::load(std::uint64_t key) {
     if (errno != ENOENT) warn_once(fmt::format("{} cannot be opened: {}; it is computed again", path.string(), last_error()));
     return std::nullopt;
   }
-  const auto damaged = [&](std::string_view what) {
-    warn(fmt::format("{} {} and is computed again", path.string(), what));
+  const auto damaged = [&](std::string_view problem) {
+    warn(fmt::format("{} {} and is computed again", path.string(), problem));
     return std::nullopt;
   };
   struct stat status {};

@@ -43,11 +43,11 @@ class ImageStore {
   [[nodiscard]] std::optional<Image> load(std::uint64_t key);
   /// Writes the image, then removes the least recently used ones over the bound.  False if it cannot be written or is over the bound alone.
   bool save(std::uint64_t key, std::span<const std::byte> image);
-  /// Removes an image whose hash is right and whose content is unusable, and warns.
+  /// Removes an image with a valid hash and unusable content, and warns.
   void reject(std::uint64_t key, const std::string& why);
 
-  /// Waits until no other process or thread makes the image of `key`, then keeps them from it as long as the result lives: who holds it
-  /// loads once more, and makes what is still missing.  nullopt, and the caller goes on without, if the folder cannot be written or
+  /// Waits until no other process or thread makes the image of `key`, then blocks them as long as the result lives: the holder loads once
+  /// more, and makes the image if it is still missing.  nullopt, and the caller goes on without, if the folder cannot be written or
   /// another one takes longer than `patience`.
   [[nodiscard]] std::optional<FileLock> claim(std::uint64_t key, std::chrono::milliseconds patience);
 

@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// Memory that a container holds beside itself.  What the allocator adds to each block, 16 bytes or so, is left out.
+/// Heap memory of a container, without the overhead of the allocator (about 16 bytes per block).
 template <class T>
 [[nodiscard]] std::size_t bytes_of(const std::vector<T>& values) {
   return values.capacity() * sizeof(T);

@@ -135,7 +135,7 @@ EARSHOT_ANY_PROCESSOR inline unsigned present_instruction_sets() {
 #endif
 }
 
-/// Writes part into text from length on, and returns the length after it; what text has no place for is left out.
+/// Writes part into text from length on, and returns the length after it; the rest is cut.
 EARSHOT_ANY_PROCESSOR inline std::size_t append_part(char (&text)[256], std::size_t length, const char* part) {
   while (*part != 0 && length < sizeof text - 1) text[length++] = *part++;
   text[length] = 0;

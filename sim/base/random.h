@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// What a random number is for.  Two purposes never share numbers, so a new consumer does not shift an old one.
+/// Purpose of a random number.  Two purposes never share numbers, so a new consumer does not shift an old one.
 /// Append only: the value is part of the random key, and files promise the same bits.
 enum class Purpose : std::uint32_t {
   test = 0,

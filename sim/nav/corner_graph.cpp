@@ -38,11 +38,11 @@ int edge_to(const Surface::Polygon& polygon, int neighbour, int first_corner) {
 
 // The corner at the start of a wall edge, if the surface turns by more than half a turn there.
 std::optional<Corner> corner_at(const Surface& surface, int polygon, int edge) {
-  const Surface::Polygon* here = &surface.polygons()[polygon];
-  const int vertex = here->corners[edge];
+  const Surface::Polygon* start_polygon = &surface.polygons()[polygon];
+  const int vertex = start_polygon->corners[edge];
   const glm::dvec3 position = surface.vertices()[vertex];
   const auto towards = [&](int other) { return horizontal_unit(surface.vertices()[other] - position); };
-  const glm::dvec3 wall_out = towards(here->corners[(edge + 1) % here->num_corners]);
+  const glm::dvec3 wall_out = towards(start_polygon->corners[(edge + 1) % start_polygon->num_corners]);
 
   // Around the vertex through all polygons up to the other wall.
   struct Sector {
@@ -53,18 +53,19 @@ std::optional<Corner> corner_at(const Surface& surface, int polygon, int edge) {
   double opening_rad = 0;
   glm::dvec3 wall_in{};
   for (std::size_t guard = 0; guard <= surface.polygons().size(); ++guard) {
-    const int before = (edge + here->num_corners - 1) % here->num_corners;
-    const glm::dvec3 next = towards(here->corners[(edge + 1) % here->num_corners]), previous = towards(here->corners[before]);
+    const int before = (edge + start_polygon->num_corners - 1) % start_polygon->num_corners;
+    const glm::dvec3 next = towards(start_polygon->corners[(edge + 1) % start_polygon->num_corners]),
+                     previous = towards(start_polygon->corners[before]);
     const double sector_rad = turn_rad(next, previous);
     sectors.push_back({polygon, opening_rad, opening_rad + sector_rad});
     opening_rad += sector_rad;
     wall_in = previous;
-    const int beyond = here->neighbours[before];
+    const int beyond = start_polygon->neighbours[before];
     if (beyond == Surface::kWall) break;
     edge = edge_to(surface.polygons()[beyond], polygon, vertex);
     if (edge < 0) return std::nullopt;
     polygon = beyond;
-    here = &surface.polygons()[polygon];
+    start_polygon = &surface.polygons()[polygon];
   }
   if (opening_rad <= std::numbers::pi + kStraightRad) return std::nullopt;
 
@@ -74,9 +75,9 @@ std::optional<Corner> corner_at(const Surface& surface, int polygon, int edge) {
   const glm::dvec3 outward = turned(wall_out, middle_rad);
   for (double standoff = kStandoffM; standoff >= kSmallestStandoffM; standoff *= 0.5) {
     const glm::dvec3 target = position + standoff * outward;
-    const Surface::Walk there = surface.walk(sector->polygon, position, target);
-    if (there.arrived && surface.walk(sector->polygon, position, position + 2.0 * standoff * outward).arrived)
-      return Corner{target, wall_in, wall_out, there.polygon, surface.polygons()[there.polygon].island};
+    const Surface::Walk straight_walk = surface.walk(sector->polygon, position, target);
+    if (straight_walk.arrived && surface.walk(sector->polygon, position, position + 2.0 * standoff * outward).arrived)
+      return Corner{target, wall_in, wall_out, straight_walk.polygon, surface.polygons()[straight_walk.polygon].island};
   }
   return std::nullopt;
 }

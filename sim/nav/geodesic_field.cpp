@@ -39,7 +39,7 @@ bool is_tangent_from(const Corner& corner, glm::dvec3 point, double distance_m) 
 }  // namespace
 
 struct GeodesicField::Impl {
-  // Where a query goes first: a corner or the goal, and how long the whole path is.
+  // First target of a query, a corner or the goal, and length of the whole path.
   struct Answer {
     double length_m = kInfinity;
     std::uint32_t via = kGoal;

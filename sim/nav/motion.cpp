@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kSamePlaceM = 1e-4f;  // nearer than this it is on the surface, and its bits are kept
 constexpr double kClearanceM = 1e-4;  // agents stop this far from a wall: far above the rounding of their float position
-constexpr double kStuckM = 3e-4;      // what a blocked move gains below this is rounding: the agent stands still, bit for bit
+constexpr double kStuckM = 3e-4;      // progress of a blocked move below this is rounding: the agent stands still, bit for bit
 constexpr double kCollisionM = 1e-3;
 constexpr int kMaxWalls = 4;  // met in one move
 

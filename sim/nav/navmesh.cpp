@@ -108,7 +108,7 @@ void Navmesh::Impl::choose_islands(const EmbreeScene& rays) {
   }
 }
 
-// What the flags of the polygons say about islands.
+// Polygon flags for islands.
 void Navmesh::Impl::collect_islands() {
   const std::span<const Surface::Polygon> polygons = surface.polygons();
   const int num_polygons = static_cast<int>(polygons.size());

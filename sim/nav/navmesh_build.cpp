@@ -31,7 +31,7 @@ using Recast = std::unique_ptr<T, FreeRecast>;
 
 constexpr std::int64_t kMaxCells = 64'000'000;  // 16 bytes each while the heightfield is open
 constexpr int kMergeRegionCells = 400;          // Recast's own default: regions below 20 x 20 cells join a neighbour
-constexpr float kContourErrorCells = 1.f;       // how far a border may be straightened; it eats into the agent's radius
+constexpr float kContourErrorCells = 1.f;       // largest shift of a straightened border; it reduces the agent's radius
 constexpr float kDetailSpacingM = 0.3f;
 
 void check(bool ok, const char* stage) {

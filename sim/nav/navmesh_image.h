@@ -13,7 +13,7 @@ namespace earshot {
 std::string encode_navmesh(const Navmesh& navmesh);
 
 /// The same navmesh: every query gives the same bits.  config: that of the navmesh that was encoded.  Detour trusts its tiles, so sizes,
-/// indices and numbers are checked first: bytes that are no such image throw InputError naming `where`.  About 1 ms for a house.
+/// indices and numbers are checked first: an invalid image throws InputError naming `where`.  About 1 ms for a house.
 Navmesh decode_navmesh(std::string_view bytes, const NavmeshConfig& config, const std::string& where);
 
 }  // namespace earshot

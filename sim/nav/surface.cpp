@@ -74,19 +74,19 @@ Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
   Walk walk{.polygon = polygon};
   glm::dvec3 last = from;
   for (std::size_t steps = 0; steps <= polygons_.size(); ++steps) {
-    const Polygon& here = polygons_[walk.polygon];
+    const Polygon& current = polygons_[walk.polygon];
     double exit = std::numeric_limits<double>::infinity();
     int exit_edge = -1;
-    for (int i = 0; i < here.num_corners; ++i) {
-      const glm::dvec3& a = vertices_[here.corners[i]];
-      const glm::dvec3& b = vertices_[here.corners[i + 1 == here.num_corners ? 0 : i + 1]];
+    for (int i = 0; i < current.num_corners; ++i) {
+      const glm::dvec3& a = vertices_[current.corners[i]];
+      const glm::dvec3& b = vertices_[current.corners[i + 1 == current.num_corners ? 0 : i + 1]];
       const double normal_x = b.z - a.z, normal_z = a.x - b.x;  // outward
       const double outward = dx * normal_x + dz * normal_z;
       if (outward <= 0) continue;
       const double t = ((a.x - from.x) * normal_x + (a.z - from.z) * normal_z) / outward;
       double latest = exit;
       if (exit_edge >= 0) {
-        const bool is_open = here.neighbours[i] != kWall, best_is_open = here.neighbours[exit_edge] != kWall;
+        const bool is_open = current.neighbours[i] != kWall, best_is_open = current.neighbours[exit_edge] != kWall;
         latest += is_open == best_is_open ? 0 : is_open ? tie : -tie;
       }
       if (t < latest) {
@@ -97,12 +97,12 @@ Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
     if (exit >= 1) {
       walk.length_m += glm::distance(last, to);
       // Storeys lie above each other: the same (x, z) may be on another floor.
-      walk.arrived = std::abs(vertices_[here.corners[0]].y - to.y) < storey_m || std::abs(last.y - to.y) < storey_m ||
-                     std::abs(height_m(here, to) - to.y) < storey_m;
+      walk.arrived = std::abs(vertices_[current.corners[0]].y - to.y) < storey_m || std::abs(last.y - to.y) < storey_m ||
+                     std::abs(height_m(current, to) - to.y) < storey_m;
       return walk;
     }
-    const glm::dvec3& a = vertices_[here.corners[exit_edge]];
-    const glm::dvec3& b = vertices_[here.corners[exit_edge + 1 == here.num_corners ? 0 : exit_edge + 1]];
+    const glm::dvec3& a = vertices_[current.corners[exit_edge]];
+    const glm::dvec3& b = vertices_[current.corners[exit_edge + 1 == current.num_corners ? 0 : exit_edge + 1]];
     glm::dvec3 crossing{from.x + exit * dx, 0, from.z + exit * dz};
     const double edge_x = b.x - a.x, edge_z = b.z - a.z;
     const double along = ((crossing.x - a.x) * edge_x + (crossing.z - a.z) * edge_z) / (edge_x * edge_x + edge_z * edge_z);
@@ -111,12 +111,12 @@ Surface::Walk Surface::walk(int polygon, glm::dvec3 from, glm::dvec3 to) const {
       walk.length_m += glm::distance(last, crossing);
       last = crossing;
     }
-    if (here.neighbours[exit_edge] == kWall) {
+    if (current.neighbours[exit_edge] == kWall) {
       walk.wall_edge = exit_edge;
       walk.fraction = exit;
       return walk;
     }
-    walk.polygon = here.neighbours[exit_edge];
+    walk.polygon = current.neighbours[exit_edge];
   }
   walk.fraction = 0;
   return walk;
@@ -129,28 +129,28 @@ double Surface::clearance_of_wall_m(int polygon, int edge, glm::dvec3 point) con
 }
 
 glm::dvec3 Surface::off_walls(int polygon, glm::dvec3 point, double clearance_m) const {
-  const Polygon& here = polygons_[polygon];
+  const Polygon& start_polygon = polygons_[polygon];
   glm::dvec3 pushed = point;
   // Twice: in a corner the second wall may push back toward the first.
   for (int round = 0; round < 2; ++round)
-    for (int i = 0; i < here.num_corners; ++i) {
-      if (here.neighbours[i] != kWall) continue;
+    for (int i = 0; i < start_polygon.num_corners; ++i) {
+      if (start_polygon.neighbours[i] != kWall) continue;
       const double missing_m = clearance_m - clearance_of_wall_m(polygon, i, pushed);
       if (missing_m <= 0) continue;
-      const glm::dvec3 a = vertex(polygon, i), b = vertex(polygon, (i + 1) % here.num_corners);
+      const glm::dvec3 a = vertex(polygon, i), b = vertex(polygon, (i + 1) % start_polygon.num_corners);
       pushed += missing_m * glm::normalize(glm::dvec3(a.z - b.z, 0, b.x - a.x));
     }
   bool clear = true;
-  for (int i = 0; i < here.num_corners; ++i)
-    clear = clear && (here.neighbours[i] != kWall || clearance_of_wall_m(polygon, i, pushed) > 0.5 * clearance_m);
+  for (int i = 0; i < start_polygon.num_corners; ++i)
+    clear = clear && (start_polygon.neighbours[i] != kWall || clearance_of_wall_m(polygon, i, pushed) > 0.5 * clearance_m);
   if (clear) return pushed;
 
   // A wedge: toward the middle, as far as the nearest wall requires.
   glm::dvec3 middle{};
-  for (int i = 0; i < here.num_corners; ++i) middle += vertex(polygon, i) / static_cast<double>(here.num_corners);
+  for (int i = 0; i < start_polygon.num_corners; ++i) middle += vertex(polygon, i) / static_cast<double>(start_polygon.num_corners);
   double fraction = 0;
-  for (int i = 0; i < here.num_corners; ++i) {
-    if (here.neighbours[i] != kWall) continue;
+  for (int i = 0; i < start_polygon.num_corners; ++i) {
+    if (start_polygon.neighbours[i] != kWall) continue;
     const double there_m = clearance_of_wall_m(polygon, i, middle), here_m = clearance_of_wall_m(polygon, i, point);
     const double wanted_m = std::min(clearance_m, 0.5 * there_m);
     if (here_m < wanted_m) fraction = std::max(fraction, (wanted_m - here_m) / (there_m - here_m));

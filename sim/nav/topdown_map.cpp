@@ -19,10 +19,10 @@ class MapView {
  public:
   MapView(const TopdownMapConfig& config, const WalkableMap& map, const MapMarks& marks, std::span<std::uint8_t> image)
       : size_(config.size_px), channels_(static_cast<std::size_t>(map_channels(config))), per_px_(config.metres_per_px), image_(image) {
-    const bool own = config.frame == MapFrame::egocentric;
+    const bool is_egocentric = config.frame == MapFrame::egocentric;
     const glm::vec2 middle = 0.5f * (map.low() + map.high());
-    middle_ = own ? glm::vec2(marks.position.x, marks.position.z) : middle;
-    const double heading = own ? marks.heading_rad : 0.0;
+    middle_ = is_egocentric ? glm::vec2(marks.position.x, marks.position.z) : middle;
+    const double heading = is_egocentric ? marks.heading_rad : 0.0;
     // forward_of(h) = (-sin h, 0, -cos h) is up, right_of(h) = (cos h, 0, -sin h) to the right.
     up_ = {-static_cast<float>(std::sin(heading)), -static_cast<float>(std::cos(heading))};
     right_ = {-up_.y, up_.x};

@@ -30,7 +30,7 @@ void validate(const TopdownMapConfig& config);
 
 inline int map_channels(const TopdownMapConfig& config) { return config.goal ? 4 : 3; }
 
-/// What is drawn over the walkable surface.
+/// Marks drawn over the walkable surface.
 struct MapMarks {
   glm::vec3 position{0};  ///< of the agent, foot point
   double heading_rad = 0;
@@ -39,7 +39,7 @@ struct MapMarks {
 };
 
 /// A picture from above of the storey that the agent is on, row-major [size, size, channels], rows from top to bottom.  Channels hold 255
-/// or 0: what is walkable; the path; the agent, as a disc of kAgentRadiusM with a line of three radii along its heading; the goals, as
+/// or 0: the walkable surface; the path; the agent, as a disc of kAgentRadiusM with a line of three radii along its heading; the goals, as
 /// discs of kGoalRadiusM.  Discs are three pixels wide at least.  About 8 ns per pixel, no allocation, safe from any thread.
 void draw_topdown_map(const TopdownMapConfig& config, const WalkableMap& map, const MapMarks& marks, std::span<std::uint8_t> image);
 inline constexpr float kAgentRadiusM = 0.15f, kGoalRadiusM = 0.25f;

@@ -14,8 +14,8 @@
 
 namespace earshot {
 
-/// The walkable surface of a navmesh's main island seen from above, in square cells of NavmeshConfig::cell_size_m: what maps of a scene are
-/// drawn from.  A cell has one height for each storey at its middle.  Immutable, safe from any thread; 8 bytes per cell; 2 to 30 ms.
+/// The walkable surface of a navmesh's main island seen from above, in square cells of NavmeshConfig::cell_size_m: the source of all maps
+/// of a scene.  A cell has one height for each storey at its middle.  Immutable, safe from any thread; 8 bytes per cell; 2 to 30 ms.
 class WalkableMap {
  public:
   /// Cells at most; a larger surface gets larger cells.

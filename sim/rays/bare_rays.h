@@ -10,7 +10,7 @@
 namespace earshot {
 
 /// Embree and nothing else: the same triangles without the rules of EmbreeScene for ties, ends and edges, filled in as its tutorials do.
-/// What benchmarks divide their rays by, so that results are ratios that hold on other machines.  Immutable, safe from any thread.
+/// Benchmarks report ray rates relative to it, so that results carry over to other machines.  Immutable, safe from any thread.
 class BareRays {
  public:
   /// Copies both.  Throws InputError if Embree cannot be opened or built.

@@ -15,7 +15,7 @@ struct RayIsa {
 /// sse2, sse4.2, avx, avx2, avx512, the widest last; empty on processors other than x86-64.
 std::vector<RayIsa> ray_isas();
 
-/// Options for a device of Embree.  isa: what the environment variable EARSHOT_ISA has.  Empty: the widest present up to AVX2; up
+/// Options for a device of Embree.  isa: value of the environment variable EARSHOT_ISA.  Empty: the widest present up to AVX2; up
 /// to there all results have the same bits (tests/pinned).  Throws InputError for a name that is not in `isas` (Embree would take
 /// SSE2 without a word), and for one that the processor lacks.
 std::string embree_options_of(const std::string& isa, const std::vector<RayIsa>& isas);

@@ -40,8 +40,8 @@ bool count_bytes(void* counter, ssize_t bytes, bool) {
   return true;  // go on
 }
 
-[[noreturn]] void fail(const std::string& what) {
-  throw InputError("ray tracer", what, "check the installation of libembree and the free memory (earshot doctor)");
+[[noreturn]] void fail(const std::string& problem) {
+  throw InputError("ray tracer", problem, "check the installation of libembree and the free memory (earshot doctor)");
 }
 
 // A query's context with the winner so far.  Embree hands it back to the filter by address.
@@ -92,7 +92,7 @@ void prefer_lowest_id(const RTCFilterFunctionNArguments* arguments) {
   ray.tfar = std::max(ray.tfar, crossing.distance) + band;
 }
 
-/// Half the spacing of floats at the farthest coordinate: what lies nearer than that to a point is what the point lies on.  An eighth of
+/// Half the spacing of floats at the farthest coordinate: a surface nearer than that to a point contains the point.  An eighth of
 /// the margin that hits keep from edges, so that the next wall is never taken for the one that a ray starts from.
 float rounding_of(glm::vec3 point) { return 0x1p-24f * std::max({std::fabs(point.x), std::fabs(point.y), std::fabs(point.z), 1e-30f}); }
 
@@ -131,7 +131,7 @@ struct Segment {
   }
 };
 
-/// An open segment: what its ends lie on does not block it.  Embree's distances are too rough to tell.
+/// An open segment: surfaces at its ends do not block it.  Embree's distances are too rough to tell.
 void keep_blocker(const RTCFilterFunctionNArguments* arguments) {
   if (arguments->valid[0] == 0) return;
   auto& segment = *reinterpret_cast<Segment*>(arguments->context);

@@ -53,7 +53,7 @@ class EmbreeScene {
   /// ends swapped.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to) const;
   /// The same answer, sooner where `blocker` is right.  blocker: in, the traced triangle that may block the segment, Hit::no_triangle or
-  /// any other number: it is tested first, in about 10 ns.  Out: what blocked it, unchanged if nothing does.
+  /// any other number: it is tested first, in about 10 ns.  Out: the triangle that blocked it, unchanged if none did.
   [[nodiscard]] bool occluded(glm::vec3 from, glm::vec3 to, std::uint32_t& blocker) const;
   /// Eight coherent rays at once (camera rows): distances only, infinity where a ray escapes.  About 0.8 us for all eight.
   void intersect8(std::span<const glm::vec3, 8> origins, std::span<const glm::vec3, 8> directions, std::span<float, 8> distances_m) const;
@@ -65,7 +65,7 @@ class EmbreeScene {
   void intersect16(glm::vec3 origin, const Directions16& directions, std::span<Hit, 16> hits) const;
   /// Number of traced triangles.
   [[nodiscard]] std::size_t num_triangles() const;
-  /// What it was built from, to build the same again: [k] indices into vertices, valid while this lives.
+  /// Triangles of the scene, to build it again: [k] indices into vertices, valid while this lives.
   [[nodiscard]] std::span<const glm::uvec3> traced() const;
   /// The triangle that a hit on this traced one is reported as.
   [[nodiscard]] std::uint32_t stands_for(std::uint32_t traced) const;

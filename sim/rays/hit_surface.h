@@ -17,7 +17,7 @@ struct alignas(64) HitSurface {
   glm::vec3 a, b, c;
   glm::vec3 normal{0};       // unit; zero for a triangle without area
   float inverse_height = 0;  // of the smallest height, 1/m
-  float margin_m = 0;        // how far hits stay from the edges
+  float margin_m = 0;        // distance of hits from the edges
   std::uint32_t triangle = 0;
 };
 static_assert(sizeof(HitSurface) == 64);

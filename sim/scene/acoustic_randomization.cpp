@@ -73,11 +73,11 @@ std::vector<Material> randomize_materials(std::string_view scene, std::span<cons
   EARSHOT_EXPECT(slot_names.empty() || slot_names.size() == materials.size());
   std::vector<Material> result;
   for (std::size_t slot = 0; slot < materials.size(); ++slot) {
-    const Material& own = materials[slot];
-    const bool by_name = own.category.empty() && !slot_names.empty();
-    const std::string category = by_name ? semantics.category_of(slot_names[slot]) : own.category;
-    const std::string key = key_of(category, own);
-    const Material* chosen = &own;
+    const Material& original = materials[slot];
+    const bool by_name = original.category.empty() && !slot_names.empty();
+    const std::string category = by_name ? semantics.category_of(slot_names[slot]) : original.category;
+    const std::string key = key_of(category, original);
+    const Material* chosen = &original;
     const std::vector<const Material*> candidates = semantics.materials_of(category, database);
     if (randomization.candidates && !candidates.empty()) {
       const auto count = static_cast<std::uint32_t>(candidates.size());

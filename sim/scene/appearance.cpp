@@ -47,8 +47,8 @@ std::vector<std::string> words_without_index(std::string_view name) {
   return words;
 }
 
-/// As SemanticMaterials::category_of; then the same of the words without an index, joined by underscores or by nothing.  Still whole names:
-/// a floor lamp is no floor.
+/// As SemanticMaterials::category_of; then the same of the words without an index, joined by underscores or by nothing.  Whole names only:
+/// a floor lamp is not a floor.
 std::string category_of(const SemanticMaterials& semantics, std::string_view name) {
   std::string category = semantics.category_of(name);
   for (std::size_t begin = 0; category.empty() && begin <= name.size();) {

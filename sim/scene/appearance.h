@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What a scene looks like and what its surfaces are, made beside the Scene for those who ask for colours or categories.  Immutable, shared
+/// Colours and categories of the surfaces of a scene, built beside the Scene on request.  Immutable, shared
 /// by all renderers and threads.
 struct Appearance {
   // Per triangle of scene.mesh(), and so of Hit::triangle of scene.rays().

@@ -33,7 +33,7 @@ std::array<std::uint8_t, 3> to_srgb8(glm::vec3 linear) {
   }();
   std::array<std::uint8_t, 3> result{};
   for (int channel = 0; channel < 3; ++channel) {
-    // Written so that what is no number becomes 0.
+    // Written so that NaN becomes 0.
     const float value = (linear[channel] > 0.f ? std::min(linear[channel], 1.f) : 0.f) * kEncodeSteps + 0.5f;
     result[static_cast<std::size_t>(channel)] = encoded[static_cast<std::size_t>(value)];
   }

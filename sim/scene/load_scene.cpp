@@ -22,7 +22,7 @@ namespace {
 /// A mesh and the materials that its slots came with (none for a mesh file).
 struct Geometry {
   TriangleMesh mesh;
-  std::vector<std::optional<Material>> own;
+  std::vector<std::optional<Material>> slot_materials;
   ImportReport report;
 };
 
@@ -31,12 +31,12 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
   if (spec.starts_with("shoebox:")) {
     Shoebox box = parse_shoebox(std::string_view(spec).substr(8), database);
     geometry.mesh = std::move(box.mesh);
-    geometry.own.assign(box.material_of_slot.begin(), box.material_of_slot.end());
+    geometry.slot_materials.assign(box.material_of_slot.begin(), box.material_of_slot.end());
   } else if (spec.starts_with("house:") || spec.starts_with("floor:")) {
     const std::string_view settings = std::string_view(spec).substr(6);
     geometry.mesh = spec.starts_with("house:") ? generate_house(parse_house(settings)) : generate_floor(parse_floor(settings));
     const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
-    for (const std::string& name : geometry.mesh.material_names) geometry.own.emplace_back(builtin.get(name, spec));
+    for (const std::string& name : geometry.mesh.material_names) geometry.slot_materials.emplace_back(builtin.get(name, spec));
   } else {
     ImportedMesh imported = import_mesh(spec, options);
     geometry.mesh = std::move(imported.mesh);
@@ -127,8 +127,8 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   if (config.simplify_m) geometry.report.simplified = simplify_mesh(geometry.mesh, *config.simplify_m);
   config.rules.own_first = config.mesh.starts_with("shoebox:") && config.mesh.find('@') != std::string::npos;
   geometry.report.has_semantics = config.rules.semantics != nullptr;
-  std::vector<Material> materials =
-      assign_materials(geometry.mesh, config.rules, database, geometry.own, spec, geometry.report.warnings, &geometry.report.choices);
+  std::vector<Material> materials = assign_materials(geometry.mesh, config.rules, database, geometry.slot_materials, spec,
+                                                     geometry.report.warnings, &geometry.report.choices);
   if (config.randomization) {
     const SemanticMaterials semantics = config.rules.semantics ? *config.rules.semantics : SemanticMaterials::indoor();
     materials = randomize_materials(spec, {}, materials, semantics, database, *config.randomization);

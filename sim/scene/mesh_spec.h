@@ -9,15 +9,15 @@
 namespace earshot {
 
 /// A SCENE that names a mesh file, with how its coordinates are read: `FILE[,unit=METRES][,up=y|z]`.  The part after the comma goes
-/// wherever a scene is named, also into episodes and corpora, so that whoever loads the scene reads it alike.
+/// wherever a scene is named, also into episodes and corpora, so that every reader loads the scene in the same way.
 struct MeshSpec {
   std::string path;
   std::optional<double> unit_m;  ///< metres per unit of the file, in [1e-6, 1e6]
   std::optional<MeshImportOptions::Up> up;
 };
 
-/// Of any SCENE; one that is generated or a scene YAML is its own path.  A file that is there under the whole text is that file.
-/// Throws InputError: a key or a value that is none of those above, after the extension of a mesh.
+/// Of any SCENE; one that is generated or a scene YAML is its own path.  A file with the whole text as its name takes precedence.  Throws
+/// InputError for an unknown key or value after the extension of a mesh.
 MeshSpec parse_mesh_spec(const std::string& spec);
 
 /// The SCENE with these choices added.  Throws InputError where it names no mesh file, or makes such a choice itself.

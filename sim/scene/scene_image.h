@@ -13,7 +13,7 @@ namespace earshot {
 std::string encode_scene(const Scene& scene);
 
 /// The same scene: rays, hash and report are the same bits.  Only the ray structure is built anew, from the patches.  Indices and numbers
-/// are checked: bytes that are no such image throw InputError naming `where`.  About 0.1 us per triangle and 0.2 us per patched triangle.
+/// are checked: an invalid image throws InputError naming `where`.  About 0.1 us per triangle and 0.2 us per patched triangle.
 Scene decode_scene(std::string_view bytes, const std::string& where);
 
 }  // namespace earshot

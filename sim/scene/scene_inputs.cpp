@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What cannot be told ends the whole hash.
+/// An unreadable input makes the whole hash unavailable.
 struct Unknown {};
 
 bool is_generated(std::string_view spec) {

@@ -126,7 +126,7 @@ SceneReport report_scene(const Scene& scene, std::uint64_t seed, std::span<const
   if (!(walk.mean_free_path_m > 0)) return report;
   report.area_m2 = 4 * report.volume_m3 / walk.mean_free_path_m;
   for (std::size_t band = 0; band < report_bands_hz.size(); ++band) {
-    // What escapes through a hole is lost like what is absorbed.
+    // Energy that escapes through a hole is lost like absorbed energy.
     const double absorption = 1 - (1 - walk.absorption[band]) * (1 - walk.escaped_fraction);
     const double air_per_m = air_exponent_per_m.empty() ? 0 : air_exponent_per_m[band];
     report.rt60_estimate_s[band] = eyring_s(walk.mean_free_path_m, absorption, air_per_m, scene.speed_of_sound_m_per_s());

@@ -17,10 +17,10 @@
 namespace earshot {
 namespace {
 
-constexpr int kLargestSide = 8192;  // a gigabyte of work behind a few kilobytes is none of a scene
+constexpr int kLargestSide = 8192;  // rejects small files that expand to gigabytes
 
-[[noreturn]] void refuse(const std::string& where, const std::string& what) {
-  throw InputError(where, what, "export the texture again as PNG or JPEG");
+[[noreturn]] void refuse(const std::string& where, const std::string& problem) {
+  throw InputError(where, problem, "export the texture again as PNG or JPEG");
 }
 
 void check_size(const std::string& where, std::uint64_t width, std::uint64_t height) {

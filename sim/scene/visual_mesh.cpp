@@ -28,7 +28,7 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kLargestTextureFile = std::size_t{512} << 20;
 
-/// Numbers of a file as a float in [lower, upper]; what is none becomes zero.
+/// Numbers of a file as a float in [lower, upper]; an invalid number becomes zero.
 float bounded(double value, double lower, double upper) {
   return std::isfinite(value) ? static_cast<float>(std::min(std::max(value, lower), upper)) : 0.f;
 }
@@ -40,7 +40,7 @@ glm::vec3 decode_srgb(glm::vec3 encoded) {
 
 constexpr double kLargestUv = 65536;  // as sample_bilinear
 
-/// Collects parts; what both formats have in common.
+/// Collects parts; shared by both formats.
 class VisualMeshBuilder {
  public:
   VisualMeshBuilder(std::string where, glm::dvec3 origin_m, int largest_texture_px, VisualMesh& mesh)

@@ -32,10 +32,10 @@ constexpr unsigned kCreationOrder = H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXE
 
 }  // namespace
 
-void NetcdfFile::fail(const std::string& what) const { throw RunError(where_, "cannot be written: HDF5 error: " + what); }
+void NetcdfFile::fail(const std::string& operation) const { throw RunError(where_, "cannot be written: HDF5 error: " + operation); }
 
-hid_t NetcdfFile::checked(hid_t id, const std::string& what) const {
-  if (id < 0) fail(what);
+hid_t NetcdfFile::checked(hid_t id, const std::string& operation) const {
+  if (id < 0) fail(operation);
   return id;
 }
 

@@ -31,8 +31,8 @@ class NetcdfFile {
   std::string finish();
 
  private:
-  [[noreturn]] void fail(const std::string& what) const;
-  hid_t checked(hid_t id, const std::string& what) const;
+  [[noreturn]] void fail(const std::string& operation) const;
+  hid_t checked(hid_t id, const std::string& operation) const;
   void add_attribute(hid_t object, const std::string& name, const std::string& text);
 
   struct Dimension {

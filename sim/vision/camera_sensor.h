@@ -23,7 +23,8 @@ enum class Projection {
 struct CameraSensorConfig {
   int width_px = 128, height_px = 128;  ///< 1 to 4096
   Projection projection = Projection::pinhole;
-  /// What the width covers: (1, 179) for a pinhole; [1, 360] for a panorama, whose height then covers horizontal_fov_deg * height / width,
+  /// Horizontal field of view: (1, 179) for a pinhole; [1, 360] for a panorama, whose height then covers horizontal_fov_deg * height /
+  /// width,
   /// at most 180.
   float horizontal_fov_deg = 90.f;
   // Where it sits, from the agent's foot point, in the agent's own directions; each within 10 m.

@@ -110,7 +110,7 @@ bool EglBatch::render(const CameraSensorConfig& config, std::span<const EglView>
     for (std::size_t i = 0; i < part.size(); ++i) unpack(config, part[i], words.subspan(i * pixels, pixels));
     const bool kept = glUnmapBuffer(GL_PIXEL_PACK_BUFFER) == GL_TRUE;
     glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
-    if (!kept || context_.is_lost()) return false;  // what was mapped may have been gone
+    if (!kept || context_.is_lost()) return false;  // the mapped memory may have been lost
     check_gl("rendering");
   }
   return true;

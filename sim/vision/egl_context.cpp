@@ -137,8 +137,8 @@ struct CurrentContext {
   }
 
  private:
-  bool fail(std::string what) {
-    problem = std::move(what);
+  bool fail(std::string problem_text) {
+    problem = std::move(problem_text);
     return false;
   }
 };
@@ -165,8 +165,8 @@ std::optional<int> whole_number(std::string_view text) {
   return parsed.ec == std::errc() && parsed.ptr == text.data() + text.size() && number >= 0 ? std::optional(number) : std::nullopt;
 }
 
-[[noreturn]] void refuse(const std::string& device, const std::string& what) {
-  throw InputError("egl device " + device, what,
+[[noreturn]] void refuse(const std::string& device, const std::string& problem) {
+  throw InputError("egl device " + device, problem,
                    "run 'earshot doctor' for a list of devices; the embree renderer needs none, and `software` uses Mesa on the CPU");
 }
 
@@ -240,7 +240,7 @@ struct EglContext::Impl {
     refuse(device, any_hardware ? "found no GPU with OpenGL ES 3" + why : "found no software renderer" + why + ": install libgl1-mesa-dri");
   }
 
-  /// Opens a probed device in this process.  device: what the user called it.
+  /// Opens a probed device in this process.  device: its name in the user's config.
   void take(const std::string& device, const EglDevice& probed) {
     CurrentContext from;
     const std::vector<EGLDeviceEXT> devices = query_devices();
@@ -259,10 +259,10 @@ struct EglContext::Impl {
       glGetIntegerv(GL_MAJOR_VERSION, &major);
       glGetIntegerv(GL_MINOR_VERSION, &minor);
       const std::string_view ending = std::string_view(name).substr(24);
-      const bool there = ending == "KHR"   ? has_extension(extensions, "GL_KHR_robustness")
-                         : ending == "EXT" ? has_extension(extensions, "GL_EXT_robustness")
-                                           : major > 3 || (major == 3 && minor >= 2);
-      if (there && !reset_status) reset_status = load<ResetStatus>(name);
+      const bool is_supported = ending == "KHR"   ? has_extension(extensions, "GL_KHR_robustness")
+                                : ending == "EXT" ? has_extension(extensions, "GL_EXT_robustness")
+                                                  : major > 3 || (major == 3 && minor >= 2);
+      if (is_supported && !reset_status) reset_status = load<ResetStatus>(name);
     }
   }
 };

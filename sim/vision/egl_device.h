@@ -12,7 +12,7 @@ namespace earshot {
 struct EglDevice {
   int index = 0;                           ///< in the order in which EGL lists them, which need not be CUDA's; kSurfaceless
   std::string renderer = {};               ///< GL_RENDERER of a context on it; empty if none can be made
-  std::string problem = {};                ///< why there is none
+  std::string problem = {};                ///< reason if there is none
   std::string uuid = {};                   ///< 32 hexadecimal digits, or empty where the driver tells none
   std::optional<int> cuda = std::nullopt;  ///< CUDA's number of it
   bool software = true;                    ///< it computes on the CPU

@@ -48,7 +48,8 @@ class EglRenderer {
   EglRenderer(const EglRenderer&) = delete;
   EglRenderer& operator=(const EglRenderer&) = delete;
 
-  /// Fills the images of all views, which may ask for different ones.  Throws InputError for a config that is no pinhole or out of range;
+  /// Fills the images of all views, which may ask for different ones.  Throws InputError for a config that is not a pinhole or out of
+  /// range;
   /// RunError if the driver fails (memory, a context lost twice).
   void render(const CameraSensorConfig& config, std::span<const EglView> views);
 

@@ -40,7 +40,7 @@ glm::vec3 color_at(const VisualMesh& mesh, const Hit& hit) {
   return color;
 }
 
-/// What a packet sees of the bodies: the nearest of each lane, and its colour.
+/// Bodies as a packet sees them: the nearest of each lane, and its colour.
 struct BodiesInPacket {
   std::array<BodyHit, kLanes> hits;
   std::array<glm::vec3, kLanes> colors;
@@ -48,7 +48,7 @@ struct BodiesInPacket {
 
 /// False: none of the lanes meets any, and `seen` is as it was.
 bool intersect_bodies(std::span<const AgentBody> bodies, glm::vec3 eye, const Directions16& directions, BodiesInPacket& seen) {
-  bool any = false;
+  bool any_hit = false;
   for (const AgentBody& body : bodies) {
     // The ball around it first, for all lanes in one plain loop: most packets see no body.
     constexpr float kSlack = 1.001f;
@@ -57,19 +57,19 @@ bool intersect_bodies(std::span<const AgentBody> bodies, glm::vec3 eye, const Di
     const float beside2 = glm::dot(centre, centre) - ball2;
     const bool within = beside2 < 0;  // of the ball: any ray may meet the body
     std::array<std::int32_t, kLanes> possible;
-    std::int32_t some = 0;
+    std::int32_t any_possible = 0;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const float along = directions.x[lane] * centre.x + directions.y[lane] * centre.y + directions.z[lane] * centre.z;
       possible[lane] = along * std::abs(along) >= beside2 ? 1 : 0;
-      some |= possible[lane];
+      any_possible |= possible[lane];
     }
     if (within) {
       possible.fill(1);
-      some = 1;
+      any_possible = 1;
     }
-    if (some == 0) continue;
-    if (!any) seen.hits.fill({});
-    any = true;
+    if (any_possible == 0) continue;
+    if (!any_hit) seen.hits.fill({});
+    any_hit = true;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       if (possible[lane] == 0) continue;
       const BodyHit hit = intersect(body, eye, {directions.x[lane], directions.y[lane], directions.z[lane]});
@@ -78,7 +78,7 @@ bool intersect_bodies(std::span<const AgentBody> bodies, glm::vec3 eye, const Di
       seen.colors[lane] = body.color;
     }
   }
-  return any;
+  return any_hit;
 }
 
 }  // namespace

@@ -24,9 +24,9 @@ constexpr double kReferencePart = 0.8;  ///< of the time, for the progress line
 
 std::vector<glm::vec3> spread(const std::vector<glm::vec3>& places) {
   const std::size_t count = std::min(places.size(), kMaxPlaces);
-  std::vector<glm::vec3> some;
-  for (std::size_t i = 0; i < count; ++i) some.push_back(places[count == 1 ? 0 : i * (places.size() - 1) / (count - 1)]);
-  return some;
+  std::vector<glm::vec3> selected;
+  for (std::size_t i = 0; i < count; ++i) selected.push_back(places[count == 1 ? 0 : i * (places.size() - 1) / (count - 1)]);
+  return selected;
 }
 
 std::string scenes_of(const AccuracyRequest& request) {
@@ -64,7 +64,7 @@ std::optional<std::size_t> search(const AccuracyRequest& request, std::span<cons
     if (early > kUsualEarlyLevel && !asks_for_levels) break;  // decay times do not come from images
     AcousticConfig config = request.config;
     set_early_level(early, config);
-    // A field first: what it costs bounds how far the others are carried.
+    // The field comes first: its cost limits how far the other candidates are refined.
     for (const float cell_m : {1.f, 0.5f}) search.source_field(config, cell_m);
     if (early == kUsualEarlyLevel || !search.best()) {
       search.listener_rays(config);

@@ -30,7 +30,7 @@ std::optional<double> curve_product(std::span<const float> test, std::span<const
   for (std::size_t i = 0; i < first.size(); ++i) {
     const float level = 0.5f * (first[i] + second[i]);
     if (level < -kRangeDb) break;
-    // Before the first arrival all are 0 dB: that is no agreement of decays.
+    // Before the first arrival all are 0 dB, which says nothing about the decays.
     if (level == 0.f && i + 1 < first.size() && first[i + 1] + second[i + 1] == 0.f) continue;
     square.add((double{test[i]} - first[i]) * (double{test[i]} - second[i]));
   }
@@ -63,15 +63,18 @@ AccuracyErrors errors_between(std::span<const AccuracyReading> test, std::span<c
   PlaceMean t20(first.size()), drr(first.size()), edc(first.size());
   for (std::size_t i = 0; i < test.size(); ++i) {
     const std::size_t place = i % first.size();
-    const AccuracyReading &tested = test[i], &one = first[place], &two = second[place];
+    const AccuracyReading &tested = test[i], &first_half = first[place], &second_half = second[place];
     for (std::size_t band = 0; band < tested.t20_s.size(); ++band) {
-      if (one.t20_s[band] && two.t20_s[band])
-        t20.add(place, tested.t20_s[band] ? (*tested.t20_s[band] / *one.t20_s[band] - 1) * (*tested.t20_s[band] / *two.t20_s[band] - 1)
-                                          : kNoDecay * kNoDecay);
-      if (one.drr_db[band] && two.drr_db[band])
-        drr.add(place, tested.drr_db[band] ? (*tested.drr_db[band] - *one.drr_db[band]) * (*tested.drr_db[band] - *two.drr_db[band])
-                                           : kNoRatioDb * kNoRatioDb);
-      if (const auto product = curve_product(tested.edc_db[band], one.edc_db[band], two.edc_db[band])) edc.add(place, *product);
+      if (first_half.t20_s[band] && second_half.t20_s[band])
+        t20.add(place, tested.t20_s[band]
+                           ? (*tested.t20_s[band] / *first_half.t20_s[band] - 1) * (*tested.t20_s[band] / *second_half.t20_s[band] - 1)
+                           : kNoDecay * kNoDecay);
+      if (first_half.drr_db[band] && second_half.drr_db[band])
+        drr.add(place, tested.drr_db[band]
+                           ? (*tested.drr_db[band] - *first_half.drr_db[band]) * (*tested.drr_db[band] - *second_half.drr_db[band])
+                           : kNoRatioDb * kNoRatioDb);
+      if (const auto product = curve_product(tested.edc_db[band], first_half.edc_db[band], second_half.edc_db[band]))
+        edc.add(place, *product);
     }
   }
   return {root_mean_square(t20, sigmas).value, root_mean_square(drr, sigmas).value, root_mean_square(edc, sigmas).value};

@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// What accuracy is judged by, of one response: per band.
+/// Metrics of one response by which its accuracy is judged, per band.
 struct AccuracyReading {
   std::vector<std::optional<double>> t20_s, drr_db;
   std::vector<std::vector<float>> edc_db;  ///< re its own start, steps of 4 ms of 4 s; -60 where it has ended; empty without energy

@@ -20,8 +20,8 @@ class AccuracyReference {
   AccuracyReference(const std::shared_ptr<const Scene>& scene, const AcousticConfig& config, const SoundSource& source,
                     std::vector<glm::vec3> places);
 
-  /// Adds runs, twice as many each time, until target.used(standard_error()) <= `most` or there are `max_runs`.  What a run is does not
-  /// depend on threads or time.  progress: runs done over max_runs.
+  /// Adds runs, twice as many each time, until target.used(standard_error()) <= `most` or there are `max_runs`.  The content of a run does
+  /// not depend on threads or time.  progress: runs done over max_runs.
   void refine(const AccuracyTarget& target, double most, int max_runs, const std::function<void(double fraction)>& progress = {});
   [[nodiscard]] int runs() const { return runs_; }
   [[nodiscard]] std::span<const glm::vec3> places() const { return places_; }

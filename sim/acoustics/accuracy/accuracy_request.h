@@ -21,10 +21,10 @@ struct AccuracySite {
 inline constexpr std::size_t kMaxPlaces = 12;
 
 struct AccuracyRequest {
-  AcousticConfig config;  ///< what the planner does not choose: switches, length, bins, bands, seed, threads
+  AcousticConfig config;  ///< settings that the planner does not choose: switches, length, bins, bands, seed, threads
   AccuracyTarget target;
   std::vector<AccuracySite> sites;  ///< not empty; one choice is to serve all
-  double poses = 1;                 ///< responses that a source is for: what a field costs is shared by them
+  double poses = 1;                 ///< responses rendered per source; they share the cost of its field
   double most_ms = 3.6e6;           ///< that these may take on this machine; nothing dearer is taken
 };
 

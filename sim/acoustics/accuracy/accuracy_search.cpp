@@ -24,7 +24,7 @@ int seeds_of(int rays) { return std::clamp(kRaysOfSeeds / rays, 1, kSeeds); }
 
 struct EarlyLevel {
   int order, candidate_rays, reflections;
-  int edge_rays;  ///< with a field, which has no rays, they say how far edges are carried alone (DiffractionBudget)
+  int edge_rays;  ///< with a field, which has no rays, they limit the diffraction paths only (DiffractionBudget)
 };
 constexpr std::array<EarlyLevel, kNumEarlyLevels> kEarly{{{1, 2000, 0, 64}, {2, 2000, 0, 64}, {3, 10'000, 0, 512}, {4, 50'000, 1, 512}}};
 
@@ -75,7 +75,7 @@ struct AccuracySearch::RayLadder {
   AcousticConfig config;
   int first, most;
   int per_source_ray;  ///< 0: none from the source
-  [[nodiscard]] AcousticConfig with(int rays) const {
+  [[nodiscard]] AcousticConfig with_rays(int rays) const {
     AcousticConfig result = config;
     result.rays = rays;
     result.source_rays = per_source_ray > 0 ? rays / per_source_ray : 0;
@@ -147,13 +147,13 @@ void AccuracySearch::fewer_images() {
     if (kEarly[level].order >= best.config.early_order) continue;
     AcousticConfig config = best.config;
     set_early_level(level, config);
-    config.rays = best.config.rays;  // what edges carry stays
+    config.rays = best.config.rays;  // the energy of diffraction paths stays
     if (record(try_at_all(best.method, config)) > kAccuracyMargin) return;
   }
 }
 
 void AccuracySearch::climb(const char* method, const RayLadder& ladder) {
-  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with(rays))); };
+  const auto try_rays = [&](int rays) { return record(try_at_all(method, ladder.with_rays(rays))); };
   double last_used = std::numeric_limits<double>::infinity();
   for (int rays = ladder.first; rays <= ladder.most; rays *= 4) {
     const double used = try_rays(rays);
@@ -186,7 +186,7 @@ bool AccuracySearch::is_biased(const AccuracyChoice& choice, double last_used) c
   return request_.target.used(choice.predicted) > kNoGain * last_used;
 }
 
-/// What it uses of the target.
+/// Fraction of the target that it uses.
 double AccuracySearch::record(AccuracyChoice choice) {
   const double used = request_.target.used(choice.predicted), total_ms = choice.total_ms(request_.poses);
   tried_.push_back(std::move(choice));

@@ -14,7 +14,7 @@ namespace earshot {
 
 inline constexpr double kAccuracyMargin = 0.85;  ///< of the target, within which a prediction has to be: places are few
 
-/// What of images and edges a candidate computes; from few to many.  1: as `fast`.
+/// Images and edges that a candidate computes, from few to many.  1: as `fast`.
 inline constexpr std::size_t kNumEarlyLevels = 4, kUsualEarlyLevel = 1;
 void set_early_level(std::size_t level, AcousticConfig& config);
 

@@ -20,8 +20,8 @@ struct Range {
 };
 constexpr Range kPercent{1, 50}, kDecibels{0.1, 10};
 
-[[noreturn]] void refuse(const std::string& text, const std::string& what) {
-  throw InputError("accuracy '" + text + "'", what, "write t20=5%,drr=1dB,edc=1dB or a part of it");
+[[noreturn]] void refuse(const std::string& text, const std::string& problem) {
+  throw InputError("accuracy '" + text + "'", problem, "write t20=5%,drr=1dB,edc=1dB or a part of it");
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ AccuracyChoice worst_of(std::span<const AccuracyChoice> at_sites) {
   worst.per_source_ms = worst.per_pose_ms = 0;
   for (const AccuracyChoice& choice : at_sites) {
     for (std::size_t kind = 0; kind < kNumAccuracyKinds; ++kind) {
-      // What has no value at a site (NaN) is decided at the others.
+      // A kind without a value at a site (NaN) is decided at the other sites.
       worst.measured[kind] = std::fmax(worst.measured[kind], choice.measured[kind]);
       worst.predicted[kind] = std::fmax(worst.predicted[kind], choice.predicted[kind]);
     }

@@ -16,7 +16,7 @@ struct AccuracyChoice {
   std::string method;                         ///< "listener rays", "source field" or "both ends"
   AcousticConfig config;                      ///< complete: the same bits without a planner
   AccuracyErrors measured{};                  ///< against the reference
-  AccuracyErrors predicted{};                 ///< that, and one standard error of its square more: what is promised of other places
+  AccuracyErrors predicted{};                 ///< the same plus one standard error of its square: the error promised for other places
   double per_source_ms = 0, per_pose_ms = 0;  ///< as measured, one source and one response without synthesis
   [[nodiscard]] double total_ms(double poses) const { return per_source_ms + poses * per_pose_ms; }
 };

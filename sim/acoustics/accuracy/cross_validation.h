@@ -30,7 +30,7 @@ class PlaceMean {
 /// Root of a mean square that noise may have made negative, which counts as 0.
 struct RootMeanSquare {
   double value = 0;
-  double standard_error = 0;  ///< what one standard error of the mean square adds to the root
+  double standard_error = 0;  ///< increase of the root by one standard error of the mean square
 };
 /// Root of the mean and of `sigmas` of its standard errors; NaN without a value.
 RootMeanSquare root_mean_square(const PlaceMean& squares, double sigmas = 0);

@@ -29,7 +29,7 @@ class Emission {
   [[nodiscard]] bool omnidirectional() const { return pattern_.omnidirectional(); }
   /// Pressure gain per band toward `direction` (unit, world axes), 1 in front: [num_bands].
   void pressure(glm::vec3 direction, std::span<float> gain) const { pattern_.pressure(world_to_local_ * direction, gain); }
-  /// Its square: what energy is multiplied by.
+  /// Its square: the factor of energy.
   void energy(glm::vec3 direction, std::span<float> gain) const {
     pressure(direction, gain);
     for (float& value : gain) value *= value;

@@ -59,7 +59,7 @@ void AirCells::find_pieces(const WallParts& walls) {
     box.is_whole = !walls.reach_into_box(i);
     box.first = static_cast<std::uint32_t>(cells_.size());
     box.count = static_cast<std::uint32_t>(of_box.pieces.size());
-    // A sliver on the far side of a wall may be too thin for a piece: what crosses it is not counted for the near side.
+    // A sliver on the far side of a wall may be too thin for a piece: rays through it do not count for the near side.
     if (box.count > 0 && std::any_of(of_box.label.begin(), of_box.label.end(), [](std::uint8_t label) { return label != 0; })) {
       box.labels = static_cast<std::uint32_t>(labels_.size());
       labels_.insert(labels_.end(), of_box.label.begin(), of_box.label.end());
@@ -68,17 +68,17 @@ void AirCells::find_pieces(const WallParts& walls) {
   }
 }
 
-/// Points of no piece that see air of a neighbouring box lie in a layer too thin for a piece, on the far side of a wall: what crosses it
+/// Points of no piece that see air of a neighbouring box lie in a layer too thin for a piece, on the far side of a wall: rays through it
 /// must not count for the near side.
 void AirCells::find_stray_air() {
   std::vector<std::uint8_t> found(labels_.size(), 0);
   tbb::parallel_for(std::size_t{0}, box_.size(), [&](std::size_t box) {
     const FlushDenormals flush;
-    const Box& here = box_[box];
-    if (here.labels == none) return;
+    const Box& box_cells = box_[box];
+    if (box_cells.labels == no_index) return;
     const glm::ivec3 index = boxes_.index_of(box);
     for (int i = 0; i < FieldBoxes::kPoints; ++i) {
-      if (labels_[here.labels + i] != kNoPiece) continue;
+      if (labels_[box_cells.labels + i] != kNoPiece) continue;
       const glm::ivec3 at = FieldBoxes::lattice_place(i);
       for (int axis = 0; axis < 3; ++axis) {
         if (at[axis] != 0 && at[axis] + 1 != FieldBoxes::kPointsPerEdge) continue;
@@ -86,21 +86,21 @@ void AirCells::find_stray_air() {
         next[axis] += at[axis] == 0 ? -1 : 1;
         other[axis] = FieldBoxes::kPointsPerEdge - 1 - at[axis];
         if (next[axis] < 0 || next[axis] >= boxes_.count()[axis]) continue;
-        const Box& there = box_[boxes_.number_of(next)];
-        const bool is_air =
-            there.count > 0 && (there.labels == none || labels_[there.labels + FieldBoxes::lattice_number(other)] != kNoPiece);
+        const Box& next_cells = box_[boxes_.number_of(next)];
+        const bool is_air = next_cells.count > 0 &&
+                            (next_cells.labels == no_index || labels_[next_cells.labels + FieldBoxes::lattice_number(other)] != kNoPiece);
         if (is_air && !scene_->rays().occluded(boxes_.lattice_point(index, at), boxes_.lattice_point(next, other)))
-          found[here.labels + i] = 1;
+          found[box_cells.labels + i] = 1;
       }
     }
   });
   for (std::size_t i = 0; i < box_.size(); ++i) {
     Box& box = box_[i];
-    for (int k = 0; box.labels != none && k < FieldBoxes::kPoints; ++k) {
+    for (int k = 0; box.labels != no_index && k < FieldBoxes::kPoints; ++k) {
       if (!found[box.labels + k]) continue;
       labels_[box.labels + k] = kStrayAir;
       const glm::vec3 point = boxes_.lattice_point(boxes_.index_of(i), FieldBoxes::lattice_place(k));
-      if (box.stray == none) {
+      if (box.stray == no_index) {
         box.stray = static_cast<std::uint32_t>(stray_.size());
         stray_.push_back({point, point});
       }
@@ -112,10 +112,10 @@ void AirCells::find_stray_air() {
 }
 
 std::uint32_t AirCells::cell_of_lattice(std::size_t box, int number) const {
-  const Box& of = box_[box];
-  if (of.labels == none) return of.count > 0 ? of.first : none;
-  const std::uint8_t label = labels_[of.labels + static_cast<std::uint32_t>(number)];
-  return label < kStrayAir ? of.first + label : none;
+  const Box& box_cells = box_[box];
+  if (box_cells.labels == no_index) return box_cells.count > 0 ? box_cells.first : no_index;
+  const std::uint8_t label = labels_[box_cells.labels + static_cast<std::uint32_t>(number)];
+  return label < kStrayAir ? box_cells.first + label : no_index;
 }
 
 bool AirCells::visible_from(std::uint32_t cell, glm::vec3 point) const {
@@ -126,7 +126,7 @@ bool AirCells::visible_from(std::uint32_t cell, glm::vec3 point) const {
 }
 
 bool AirCells::may_be_stray(std::size_t box, glm::vec3 point) const {
-  return box_[box].stray != none && is_inside(stray_[box_[box].stray], point);
+  return box_[box].stray != no_index && is_inside(stray_[box_[box].stray], point);
 }
 
 /// A part into which no wall reaches is of the cell of its point.
@@ -134,35 +134,36 @@ void AirCells::find_part_labels(const WallParts& walls) {
   for (std::size_t i = 0; i < box_.size(); ++i) {
     Box& box = box_[i];
     if (box.is_whole) continue;
-    box.sure = static_cast<std::uint32_t>(sure_.size());
+    box.part_labels = static_cast<std::uint32_t>(part_labels_.size());
     for (int number = 0; number < FieldBoxes::kPoints; ++number) {
-      const std::uint8_t label = box.labels == none ? std::uint8_t{0} : labels_[box.labels + static_cast<std::uint32_t>(number)];
-      sure_.push_back(walls.reach_into_part(i, number) ? kBesideWall : label);
+      const std::uint8_t label = box.labels == no_index ? std::uint8_t{0} : labels_[box.labels + static_cast<std::uint32_t>(number)];
+      part_labels_.push_back(walls.reach_into_part(i, number) ? kBesideWall : label);
     }
   }
 }
 
-/// The cell of a box that holds a point, or no_cell, as far as that is known without a ray; none where it is not.
-std::uint32_t AirCells::known_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const {
-  if (of.is_whole) return of.first;
-  const std::uint8_t label = sure_[of.sure + static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)))];
-  if (label == kBesideWall) return none;
-  return label < kStrayAir ? of.first + label : no_cell;
+/// The cell of a box that holds a point, or outside_cells, as far as known without a ray; otherwise no_index.
+std::uint32_t AirCells::known_cell_at(const Box& box, const glm::ivec3& index, glm::vec3 point) const {
+  if (box.is_whole) return box.first;
+  const std::uint8_t label =
+      part_labels_[box.part_labels + static_cast<std::uint32_t>(FieldBoxes::lattice_number(boxes_.lattice_place_in(index, point)))];
+  if (label == kBesideWall) return no_index;
+  return label < kStrayAir ? box.first + label : outside_cells;
 }
 
 std::uint32_t AirCells::cell_at(std::size_t box, glm::vec3 point) const {
-  if (box_[box].count == 0) return none;
-  const std::uint32_t sure = known_cell_at(box_[box], boxes_.index_of(box), point);
-  return sure == no_cell ? none : sure != none ? sure : cell_near_walls(box, point);
+  if (box_[box].count == 0) return no_index;
+  const std::uint32_t known = known_cell_at(box_[box], boxes_.index_of(box), point);
+  return known == outside_cells ? no_index : known != no_index ? known : cell_near_walls(box, point);
 }
 
-std::array<std::uint32_t, 2> AirCells::known_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+std::array<std::uint32_t, 2> AirCells::known_cells_beside_walls(const Box& box, const glm::ivec3& index, glm::vec3 enter,
                                                                 glm::vec3 leave) const {
-  if (of.count == 0) return {none, none};
-  const auto at = [&](float part) { return known_cell_at(of, index, enter + part * (leave - enter)); };
+  if (box.count == 0) return {no_index, no_index};
+  const auto at = [&](float part) { return known_cell_at(box, index, enter + part * (leave - enter)); };
   std::array<std::uint32_t, 2> halves{at(0.25f), at(0.75f)};
-  if (halves[0] == none) halves[0] = halves[1] == none ? at(0.5f) : halves[1];
-  if (halves[1] == none) halves[1] = halves[0];
+  if (halves[0] == no_index) halves[0] = halves[1] == no_index ? at(0.5f) : halves[1];
+  if (halves[1] == no_index) halves[1] = halves[0];
   return halves;
 }
 
@@ -172,7 +173,7 @@ std::uint32_t AirCells::cell_near_walls(std::size_t box, glm::vec3 point) const 
   VisibleMajority majority;
   for_each_place(glm::max(at - 1, 0), glm::min(at + 1, last), [&](const glm::ivec3& place) {
     const std::uint32_t cell = cell_of_lattice(box, FieldBoxes::lattice_number(place));
-    if (cell != none) majority.add(cell, !scene_->rays().occluded(point, boxes_.lattice_point(index, place)));
+    if (cell != no_index) majority.add(cell, !scene_->rays().occluded(point, boxes_.lattice_point(index, place)));
   });
   return majority.group();
 }

@@ -18,17 +18,17 @@ namespace earshot {
 /// The pieces of all boxes of a scene, as cells with one numbering, and which of them holds a point.  Immutable; safe from any thread.
 class AirCells {
  public:
-  static constexpr std::uint32_t none = 0xFFFFFFFFu;
-  /// In place of a cell: known to be of no cell.
-  static constexpr std::uint32_t no_cell = none - 1;
+  static constexpr std::uint32_t no_index = 0xFFFFFFFFu;
+  /// In place of a cell: known to lie outside all cells.
+  static constexpr std::uint32_t outside_cells = no_index - 1;
 
-  /// Of a box: its cells, and where it knows which of its air is of which.
+  /// A box: its cells, and the labels that assign its air to them.
   struct Box {
-    std::uint32_t first = 0, count = 0;  ///< its cells
-    std::uint32_t labels = none;         ///< of its points, in labels_; none: they are all of one cell
-    std::uint32_t sure = none;           ///< labels of its parts, in sure_; none where it is whole
-    std::uint32_t stray = none;          ///< bounds of its air that is of no cell, in stray_; none: there is none
-    bool is_whole = false;               ///< all of its air is of its only cell, and no wall reaches into it
+    std::uint32_t first = 0, count = 0;    ///< its cells
+    std::uint32_t labels = no_index;       ///< of its points, in labels_; none: they are all of one cell
+    std::uint32_t part_labels = no_index;  ///< labels of its parts, in part_labels_; no_index where it is whole
+    std::uint32_t stray = no_index;        ///< bounds of its air outside all cells, in stray_; no_index without any
+    bool is_whole = false;                 ///< all of its air is of its only cell, and no wall reaches into it
   };
 
   /// Keeps a reference to `scene`, which must outlive this.  cell_m: about the edge of the boxes.  A scene without triangles has no cells.
@@ -39,14 +39,15 @@ class AirCells {
   [[nodiscard]] const Box& box(std::size_t number) const { return box_[number]; }
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
   [[nodiscard]] std::size_t bytes() const {
-    return bytes_of(box_) + bytes_of(cells_) + bytes_of(labels_) + bytes_of(sure_) + bytes_of(open_across_) + bytes_of(stray_);
+    return bytes_of(box_) + bytes_of(cells_) + bytes_of(labels_) + bytes_of(part_labels_) + bytes_of(open_across_) + bytes_of(stray_);
   }
   [[nodiscard]] const AirPiece& operator[](std::uint32_t cell) const { return cells_[cell]; }
 
-  /// The cell of the box that holds a point of it; none where it is of no cell.  Rays, up to 27, near the walls between cells alone.
+  /// The cell of the box that holds a point; no_index outside all cells.  Rays, up to 27, near the walls between cells alone.
   [[nodiscard]] std::uint32_t cell_at(std::size_t box, glm::vec3 point) const;
   /// The cells of the box, which has these indices, that a segment free of geometry crosses between two of its points: that of its first
-  /// half and that of its second, which differ where it goes through a slit.  no_cell, or none, as far as that is not known without a ray.
+  /// half and that of its second, which differ where it goes through a slit.  outside_cells, or none, as far as that is not known without a
+  /// ray.
   [[nodiscard]] std::array<std::uint32_t, 2> known_cells_along(std::size_t box, const glm::ivec3& index, glm::vec3 enter,
                                                                glm::vec3 leave) const {
     if (box_[box].is_whole) return {box_[box].first, box_[box].first};
@@ -68,8 +69,8 @@ class AirCells {
   void find_pieces(const WallParts& walls);
   void find_part_labels(const WallParts& walls);
   void find_stray_air();
-  [[nodiscard]] std::uint32_t known_cell_at(const Box& of, const glm::ivec3& index, glm::vec3 point) const;
-  [[nodiscard]] std::array<std::uint32_t, 2> known_cells_beside_walls(const Box& of, const glm::ivec3& index, glm::vec3 enter,
+  [[nodiscard]] std::uint32_t known_cell_at(const Box& box, const glm::ivec3& index, glm::vec3 point) const;
+  [[nodiscard]] std::array<std::uint32_t, 2> known_cells_beside_walls(const Box& box, const glm::ivec3& index, glm::vec3 enter,
                                                                       glm::vec3 leave) const;
   [[nodiscard]] std::uint32_t cell_near_walls(std::size_t box, glm::vec3 point) const;
 
@@ -78,7 +79,8 @@ class AirCells {
   std::vector<Box> box_;
   std::vector<AirPiece> cells_;
   std::vector<std::uint8_t> labels_;  ///< [boxes whose points are not all of one piece][points]
-  std::vector<std::uint8_t> sure_;    ///< [boxes that walls reach into][parts], kBesideWall where the label of the point is not that of all
+  std::vector<std::uint8_t>
+      part_labels_;  ///< [boxes that walls reach into][parts], kBesideWall where the label of the point is not that of all
   std::vector<std::array<std::uint64_t, 3>> open_across_;  ///< [box][axis]
   std::vector<Bounds> stray_;
 };

@@ -10,7 +10,7 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kMinPoints = 12;  // of a piece
-constexpr std::uint32_t kUngrouped = VisibleMajority::none;
+constexpr std::uint32_t kUngrouped = VisibleMajority::no_group;
 
 /// Sets that grow together.
 class Groups {

@@ -13,11 +13,11 @@
 
 namespace earshot {
 
-/// To which group of lattice points a place beside a wall belongs: that of most of the points all round it that it sees.  What it sees of
-/// the far side of a wall through a slit is little of what is there, so at least a quarter of the group's points round it must be visible.
+/// Finds the group of lattice points that a place beside a wall belongs to: the group with most visible points around the place.  Through a
+/// slit only a few points beyond the wall are visible, so at least a quarter of the group's points around the place must be visible.
 class VisibleMajority {
  public:
-  static constexpr std::uint32_t none = 0xFFFFFFFFu;
+  static constexpr std::uint32_t no_group = 0xFFFFFFFFu;
 
   /// A point round the place; at most 27.
   void add(std::uint32_t group, bool is_visible) {
@@ -27,12 +27,12 @@ class VisibleMajority {
     ++points_[i];
     visible_[i] += is_visible ? 1 : 0;
   }
-  /// The first of several; none if no group is seen enough.
+  /// The first of several; no_group if no group has enough visible points.
   [[nodiscard]] std::uint32_t group() const {
     std::size_t best = 0;
     for (std::size_t i = 1; i < count_; ++i)
       if (visible_[i] > visible_[best]) best = i;
-    return count_ > 0 && visible_[best] > 0 && 4 * visible_[best] >= points_[best] ? group_[best] : none;
+    return count_ > 0 && visible_[best] > 0 && 4 * visible_[best] >= points_[best] ? group_[best] : no_group;
   }
 
  private:

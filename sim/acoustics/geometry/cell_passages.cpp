@@ -18,14 +18,15 @@ void find_passages_between(const AirCells& cells, const glm::ivec3& index, int a
   ++next[axis];
   const FieldBoxes& boxes = cells.boxes();
   const std::size_t box_here = boxes.number_of(index), box_there = boxes.number_of(next);
-  const AirCells::Box &here = cells.box(box_here), &there = cells.box(box_there);
+  const AirCells::Box &first_box = cells.box(box_here), &second_box = cells.box(box_there);
   const std::uint64_t open_lines = cells.open_across(box_here, axis);
-  if (here.labels == AirCells::none && there.labels == AirCells::none && here.count == 1 && there.count == 1 && ~open_lines == 0) {
-    found.push_back({here.first, there.first, 1.f});
+  if (first_box.labels == AirCells::no_index && second_box.labels == AirCells::no_index && first_box.count == 1 && second_box.count == 1 &&
+      ~open_lines == 0) {
+    found.push_back({first_box.first, second_box.first, 1.f});
     return;
   }
   // The points beside the face, of each piece, and the lines across it that are open.
-  std::vector<int> points_here(here.count, 0), points_there(there.count, 0), open(here.count * there.count, 0);
+  std::vector<int> points_here(first_box.count, 0), points_there(second_box.count, 0), open(first_box.count * second_box.count, 0);
   for (int i = 0; i < FieldBoxes::kPointsPerEdge * FieldBoxes::kPointsPerEdge; ++i) {
     glm::ivec3 at(0), other(0);
     at[axis] = FieldBoxes::kPointsPerEdge - 1;
@@ -33,15 +34,16 @@ void find_passages_between(const AirCells& cells, const glm::ivec3& index, int a
     at[(axis + 2) % 3] = other[(axis + 2) % 3] = i % FieldBoxes::kPointsPerEdge;
     const int number_here = FieldBoxes::lattice_number(at), number_there = FieldBoxes::lattice_number(other);
     const std::uint32_t a = cells.cell_of_lattice(box_here, number_here), b = cells.cell_of_lattice(box_there, number_there);
-    if (a != AirCells::none) ++points_here[a - here.first];
-    if (b != AirCells::none) ++points_there[b - there.first];
-    if (a != AirCells::none && b != AirCells::none && (open_lines >> i & 1) != 0) ++open[(a - here.first) * there.count + b - there.first];
+    if (a != AirCells::no_index) ++points_here[a - first_box.first];
+    if (b != AirCells::no_index) ++points_there[b - second_box.first];
+    if (a != AirCells::no_index && b != AirCells::no_index && (open_lines >> i & 1) != 0)
+      ++open[(a - first_box.first) * second_box.count + b - second_box.first];
   }
-  for (std::uint32_t a = 0; a < here.count; ++a)
-    for (std::uint32_t b = 0; b < there.count; ++b) {
-      const int lines = open[a * there.count + b], most = std::min(points_here[a], points_there[b]);
+  for (std::uint32_t a = 0; a < first_box.count; ++a)
+    for (std::uint32_t b = 0; b < second_box.count; ++b) {
+      const int lines = open[a * second_box.count + b], most = std::min(points_here[a], points_there[b]);
       const float openness = static_cast<float>(lines) / static_cast<float>(std::max(most, 1));
-      if (openness >= kMinOpenness) found.push_back({here.first + a, there.first + b, openness});
+      if (openness >= kMinOpenness) found.push_back({first_box.first + a, second_box.first + b, openness});
     }
 }
 
@@ -57,7 +59,7 @@ CellPassages::CellPassages(const AirCells& cells) {
       if (++next[axis] < boxes.count()[axis]) find_passages_between(cells, index, axis, of_box[i]);
     }
   });
-  for (const std::vector<CellPassage>& some : of_box) passages_.insert(passages_.end(), some.begin(), some.end());
+  for (const std::vector<CellPassage>& box_passages : of_box) passages_.insert(passages_.end(), box_passages.begin(), box_passages.end());
   std::sort(passages_.begin(), passages_.end(),
             [](const CellPassage& a, const CellPassage& b) { return std::pair(a.first, a.second) < std::pair(b.first, b.second); });
   std::vector<std::vector<std::uint32_t>> neighbours(cells.size());

@@ -13,10 +13,10 @@ ConvexPolygon clipped(const ConvexPolygon& polygon, glm::dvec3 normal, double of
   ConvexPolygon kept;
   kept.reserve(polygon.size() + 1);
   for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const glm::dvec3 here = polygon[i], next = polygon[(i + 1) % polygon.size()];
-    const double height = glm::dot(normal, here) - offset_m, next_height = glm::dot(normal, next) - offset_m;
-    if (height >= 0) kept.push_back(here);
-    if ((height >= 0) != (next_height >= 0)) kept.push_back(here + height / (height - next_height) * (next - here));
+    const glm::dvec3 current = polygon[i], next = polygon[(i + 1) % polygon.size()];
+    const double height = glm::dot(normal, current) - offset_m, next_height = glm::dot(normal, next) - offset_m;
+    if (height >= 0) kept.push_back(current);
+    if ((height >= 0) != (next_height >= 0)) kept.push_back(current + height / (height - next_height) * (next - current));
   }
   if (kept.size() < 3) kept.clear();
   return kept;

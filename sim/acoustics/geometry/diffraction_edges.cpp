@@ -171,11 +171,11 @@ bool DiffractionEdges::mutually_visible(std::uint32_t edge, std::uint32_t other)
 
 bool DiffractionEdges::find_mutually_visible(std::uint32_t edge, std::uint32_t other) const {
   constexpr std::array<std::array<double, 2>, 5> fractions = {{{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.9}, {0.1, 0.9}, {0.9, 0.1}}};
-  const DiffractionEdge &here = edges_[edge], &there = edges_[other];
+  const DiffractionEdge &first_edge = edges_[edge], &second_edge = edges_[other];
   for (const auto& fraction : fractions) {
-    const double here_m = fraction[0] * here.length_m, there_m = fraction[1] * there.length_m;
-    const glm::dvec3 from = here.at(here_m), to = there.at(there_m);
-    if (!here.in_air(to, clearance_m_) || !there.in_air(from, clearance_m_)) continue;
+    const double here_m = fraction[0] * first_edge.length_m, there_m = fraction[1] * second_edge.length_m;
+    const glm::dvec3 from = first_edge.at(here_m), to = second_edge.at(there_m);
+    if (!first_edge.in_air(to, clearance_m_) || !second_edge.in_air(from, clearance_m_)) continue;
     if (!rays_->occluded(air_point(edge, here_m), air_point(other, there_m))) return true;
   }
   return false;

@@ -81,8 +81,8 @@ class DiffractionEdges {
     return air_point(edge, std::clamp(along_m, inset_m, length_m - inset_m));
   }
   [[nodiscard]] double clearance_m() const { return clearance_m_; }
-  /// Is some point of the edge visible from `point`?  Five points of it are tried; what hid them from places close by is tried first, which
-  /// makes a point that moves cheap and changes no answer.
+  /// Is some point of the edge visible from `point`?  Five points of it are tried.  The geometry that last blocked them is tried first,
+  /// which speeds up a moving point and changes no answer.
   [[nodiscard]] bool visible_from(std::uint32_t edge, glm::vec3 point) const;
 
   /// Edges that are known not to be visible from `edge`, a bit each of eight from 8 * group on: mutually_visible would say no.

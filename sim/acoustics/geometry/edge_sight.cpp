@@ -53,10 +53,10 @@ std::uint32_t EdgeSight::known_hidden(std::uint32_t edge, std::uint32_t group) c
 
 void EdgeSight::learn(std::uint32_t edge, std::uint32_t other, bool visible) const {
   if (edge >= kEdges || other >= kEdges) return;
-  for (const auto& [of, seen] : {std::pair(edge, other), std::pair(other, edge)}) {
-    const std::uint64_t key = key_of(of, seen / kGroup), bit = std::uint64_t{1} << seen % kGroup;
+  for (const auto& [viewer, seen] : {std::pair(edge, other), std::pair(other, edge)}) {
+    const std::uint64_t key = key_of(viewer, seen / kGroup), bit = std::uint64_t{1} << seen % kGroup;
     std::atomic<std::uint64_t>& place = entry(key);
-    // What another thread learns at this moment may be lost: it is found out again.
+    // A concurrent update of another thread may be lost; it is computed again.
     const std::uint64_t found = place.load(std::memory_order_relaxed), facts = (found & ~kFacts) == key ? found & kFacts : 0;
     place.store(key | facts | bit << kGroup | (visible ? bit : 0), std::memory_order_relaxed);
   }

@@ -10,9 +10,9 @@
 
 namespace earshot {
 
-/// What is remembered of visibility between the edges of a scene, and between them and points of the air, so that a source that moves does
-/// not find it out anew at every pose.  Everything here is either certain (whether two edges see each other) or a guess that is tested
-/// before it is used (what hides a point of an edge), so answers never depend on what is remembered: only time does.  Bounded: at most
+/// Cache of visibility between the edges of a scene, and between edges and points of the air.  A moving source reuses it from pose to pose.
+/// Everything here is either certain (whether two edges see each other) or a guess that is tested
+/// before it is used (what hides a point of an edge), so the cache changes the time, never an answer.  Bounded: at most
 /// 3 MiB.  Any thread may read and write at any time; entries are lost now and then, never wrong.
 class EdgeSight {
  public:

@@ -16,26 +16,27 @@ constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
 FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) {}
 
-/// The cell of a box that a segment crosses, or none.  sure: what is known without a ray.  before: a cell of this box or of one beside it
-/// where the segment was, gap if it was in one of this box, none if that is not known.
-std::uint32_t FieldGrid::cell_after(std::uint32_t before, std::uint32_t sure, std::size_t box, glm::vec3 enter, glm::vec3 leave) const {
-  if (sure != none) return sure == AirCells::no_cell ? none : sure;
-  if (before == gap) return none;
-  const AirCells::Box& of = cells_.box(box);
+/// The cell of a box that a segment crosses, or no_cell.  known: the cell found without a ray.  previous_cell: a cell of this box or of one
+/// beside it where the segment was, gap if it was in one of this box, none if that is not known.
+std::uint32_t FieldGrid::cell_after(std::uint32_t previous_cell, std::uint32_t known, std::size_t box, glm::vec3 enter,
+                                    glm::vec3 leave) const {
+  if (known != no_cell) return known == AirCells::outside_cells ? no_cell : known;
+  if (previous_cell == gap) return no_cell;
+  const AirCells::Box& box_cells = cells_.box(box);
   const glm::vec3 middle = 0.5f * (enter + leave);
-  if (before != none && !cells_.may_be_stray(box, middle)) {
-    if (before >= of.first && before < of.first + of.count) return before;
-    std::uint32_t only = none, candidates = 0;
-    for (std::uint32_t cell = of.first; cell < of.first + of.count; ++cell)
-      if (passages_.joined(before, cell)) only = cell, ++candidates;
-    if (candidates == 1) return only;
+  if (previous_cell != no_cell && !cells_.may_be_stray(box, middle)) {
+    if (previous_cell >= box_cells.first && previous_cell < box_cells.first + box_cells.count) return previous_cell;
+    std::uint32_t joined_cell = no_cell, candidates = 0;
+    for (std::uint32_t cell = box_cells.first; cell < box_cells.first + box_cells.count; ++cell)
+      if (passages_.joined(previous_cell, cell)) joined_cell = cell, ++candidates;
+    if (candidates == 1) return joined_cell;
   }
   return cells_.cell_at(box, middle);
 }
 
 std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
                                std::uint32_t start) const {
-  if (cells_.size() == 0) return none;
+  if (cells_.size() == 0) return no_cell;
   if (!(length_m > 0)) return start;
   const FieldBoxes& boxes = cells_.boxes();
   const glm::vec3 edge_m = boxes.edge_m();
@@ -45,7 +46,7 @@ std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float leng
   glm::ivec3 index = boxes.index_at(origin);
   struct Axis {
     float next_m, step_m;  // to the next plane, and from plane to plane
-    int left, stride;      // boxes before the border, and how far apart they are stored
+    int left, stride;      // boxes before the border, and their distance in memory
     int to_next;           // of the index
   };
   const auto axis_of = [&](int axis, int stride) {
@@ -60,24 +61,25 @@ std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float leng
   };
   Axis x = axis_of(0, num_boxes.y * num_boxes.z), y = axis_of(1, num_boxes.z), z = axis_of(2, 1);
   auto box = static_cast<std::ptrdiff_t>(boxes.number_of(index));
-  // What rounding puts across the border of a box, which may be a wall: such a sliver goes to the next cell, and at the end to none.
+  // Rounding may put a sliver of the segment across the border of a box, which may be a wall: it goes to the next cell, and at the end to
+  // no cell.
   const float least_m = 1e-5f * std::min({edge_m.x, edge_m.y, edge_m.z});
   float enter_m = 0;
-  std::uint32_t before = start, cell = start;
-  const auto cover = [&](std::size_t number, std::uint32_t sure, float from_m, float to_m) {
-    cell = cell_after(before, sure, number, origin + from_m * direction, origin + to_m * direction);
-    if (cell != none) crossings.push_back({cell, from_m, to_m});
-    before = cell;
+  std::uint32_t previous_cell = start, cell = start;
+  const auto cover = [&](std::size_t number, std::uint32_t known, float from_m, float to_m) {
+    cell = cell_after(previous_cell, known, number, origin + from_m * direction, origin + to_m * direction);
+    if (cell != no_cell) crossings.push_back({cell, from_m, to_m});
+    previous_cell = cell;
   };
   while (enter_m < length_m) {
     const float nearest_m = std::min(x.next_m, std::min(y.next_m, z.next_m)), leave_m = std::min(nearest_m, length_m);
     if (leave_m > enter_m + least_m) {
       const auto number = static_cast<std::size_t>(box);
-      const std::array<std::uint32_t, 2> sure =
+      const std::array<std::uint32_t, 2> known =
           cells_.known_cells_along(number, index, origin + enter_m * direction, origin + leave_m * direction);
-      const float middle_m = sure[0] == sure[1] ? leave_m : 0.5f * (enter_m + leave_m);
-      cover(number, sure[0], enter_m, middle_m);
-      if (middle_m < leave_m) cover(number, sure[1], middle_m, leave_m);
+      const float middle_m = known[0] == known[1] ? leave_m : 0.5f * (enter_m + leave_m);
+      cover(number, known[0], enter_m, middle_m);
+      if (middle_m < leave_m) cover(number, known[1], middle_m, leave_m);
       enter_m = leave_m;
     }
     if (leave_m >= length_m) break;
@@ -93,7 +95,7 @@ std::uint32_t FieldGrid::cross(glm::vec3 origin, glm::vec3 direction, float leng
     z.next_m += by_z ? z.step_m : 0.f;
   }
   // A sliver at the end, or a segment that is one, may lie in another box.
-  return cell == none && enter_m >= length_m ? gap : cell;
+  return cell == no_cell && enter_m >= length_m ? gap : cell;
 }
 
 std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const {
@@ -115,7 +117,7 @@ std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights
     float weight = 1;
     for (int axis = 0; axis < 3; ++axis) weight *= side[axis] ? fraction[axis] : 1.f - fraction[axis];
     const auto index = glm::clamp(corner_box + side, glm::ivec3(0), last);
-    corners[corner] = {boxes.number_of(index), weight, none};
+    corners[corner] = {boxes.number_of(index), weight, no_cell};
     // Beside a border of the grid several corners are one box: the own one is that of the point's side.
     if (index == own) own_corner = corner;
   }
@@ -126,21 +128,21 @@ std::size_t FieldGrid::blend(glm::vec3 point, std::array<CellWeight, 8>& weights
   float sum = 0;
   for (const int steps : {0, 1, 2, 3, 4, 5, 6, 7}) {
     const int corner = own_corner ^ kByDistance[steps];
-    Corner& here = corners[corner];
-    const AirCells::Box& box = cells_.box(here.box);
+    Corner& corner_cell = corners[corner];
+    const AirCells::Box& box = cells_.box(corner_cell.box);
     if (box.count == 0) continue;
-    if (here.box == corners[own_corner].box) here.cell = own_cell;
-    for (std::uint32_t i = box.first; here.cell == none && i < box.first + box.count; ++i) {
-      bool reached = own_cell == none;
+    if (corner_cell.box == corners[own_corner].box) corner_cell.cell = own_cell;
+    for (std::uint32_t i = box.first; corner_cell.cell == no_cell && i < box.first + box.count; ++i) {
+      bool reached = own_cell == no_cell;
       for (const int axis : {1, 2, 4}) {
-        const std::uint32_t before = corners[corner ^ axis].cell;
-        reached = reached || (before != none && (before == i || passages_.joined(before, i)));
+        const std::uint32_t previous_cell = corners[corner ^ axis].cell;
+        reached = reached || (previous_cell != no_cell && (previous_cell == i || passages_.joined(previous_cell, i)));
       }
-      if (reached && cells_.visible_from(i, point)) here.cell = i;
+      if (reached && cells_.visible_from(i, point)) corner_cell.cell = i;
     }
-    if (here.cell == none || !(here.weight > 0)) continue;
-    weights[count++] = {here.cell, here.weight};
-    sum += here.weight;
+    if (corner_cell.cell == no_cell || !(corner_cell.weight > 0)) continue;
+    weights[count++] = {corner_cell.cell, corner_cell.weight};
+    sum += corner_cell.weight;
   }
   if (count == 0) {
     // In a crack from which no cell is visible: the largest piece of its own box.

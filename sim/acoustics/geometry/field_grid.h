@@ -14,14 +14,14 @@
 namespace earshot {
 
 /// The air of a scene cut into cells that share a history of energy: boxes of a grid, and where walls cut a box into pieces, one cell for
-/// each piece.  Pieces that are joined inside the box by a slit alone, narrower than about a quarter of its edge, are apart as well.  So
-/// nothing leaks from room to room: through slits and ajar doors goes what photons carry through them.  Immutable.
-/// What a box's pieces are is in box_pieces.h, which of them holds a point in air_cells.h, what joins them in cell_passages.h.
+/// each piece.  Pieces that are joined inside the box by a slit alone, narrower than about a quarter of its edge, are apart as well.  So no
+/// energy leaks between rooms: only photons carry energy through slits and ajar doors.  Immutable.
+/// box_pieces.h defines the pieces of a box, air_cells.h finds the piece at a point, cell_passages.h joins pieces.
 class FieldGrid {
  public:
-  static constexpr std::uint32_t none = AirCells::none;
+  static constexpr std::uint32_t no_cell = AirCells::no_cell;
   /// In place of a cell: air of no cell, as in gaps behind furniture.
-  static constexpr std::uint32_t gap = none - 1;
+  static constexpr std::uint32_t gap = no_cell - 1;
 
   /// Keeps a reference to `scene`, which must outlive this.  cell_m: about the edge of the boxes, which fill the bounds of the scene
   /// exactly; larger where that would give more than 16,384.  A function of scene and cell_m.  Cost: about 0.15 ms for each box that holds
@@ -41,9 +41,10 @@ class FieldGrid {
   };
   /// Appends the cells that a segment crosses.  A segment is free of geometry between its ends, so it counts for one piece of each box, or
   /// where it goes through a slit for two: near the walls between pieces the one that a passage joins to the cell before it, and where that
-  /// is none or several, short rays decide. start: the cell where the segment begins, gap, or none: not known.  Returns that of its end.
+  /// is none or several, short rays decide. start: the cell at the start of the segment, gap, or no_cell if unknown.  Returns the cell at
+  /// its end.
   std::uint32_t cross(glm::vec3 origin, glm::vec3 direction, float length_m, std::vector<Crossing>& crossings,
-                      std::uint32_t start = none) const;
+                      std::uint32_t start = no_cell) const;
 
   struct CellWeight {
     std::uint32_t cell;
@@ -59,7 +60,8 @@ class FieldGrid {
   [[nodiscard]] std::span<const Passage> passages() const { return passages_.all(); }
 
  private:
-  [[nodiscard]] std::uint32_t cell_after(std::uint32_t before, std::uint32_t sure, std::size_t box, glm::vec3 enter, glm::vec3 leave) const;
+  [[nodiscard]] std::uint32_t cell_after(std::uint32_t previous_cell, std::uint32_t known, std::size_t box, glm::vec3 enter,
+                                         glm::vec3 leave) const;
 
   AirCells cells_;
   CellPassages passages_;

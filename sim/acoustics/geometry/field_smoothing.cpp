@@ -38,7 +38,7 @@ FieldSmoothing::FieldSmoothing(const FieldGrid& grid) {
   std::vector<std::vector<Exchange>> from(cells);
   for (std::uint32_t i = 0; i < cells; ++i) from[i].push_back({i, 1.f});
   for (const FieldGrid::Passage& p : passages) {
-    // Small pieces may have more neighbours than six: what they keep must stay positive.
+    // Small pieces may have more than six neighbours: the weight of their own value must stay positive.
     const float exchanged_m3 = kExchange * open_m3(p) * kNeighbours / std::max({kNeighbours, around[p.first], around[p.second]});
     from[p.first].push_back({p.second, exchanged_m3 / grid.volume_m3(p.second)});
     from[p.second].push_back({p.first, exchanged_m3 / grid.volume_m3(p.first)});

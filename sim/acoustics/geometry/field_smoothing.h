@@ -39,12 +39,12 @@ class FieldSmoothing {
     std::uint32_t cell;
     float fraction;
   };
-  /// What a cell holds after a sweep: so many vectors of eight values of its row.
+  /// Content of a cell after a sweep: this many vectors of eight values of its row.
   template <std::size_t Vectors>
   void sum_neighbours(std::uint32_t cell, std::size_t width, const float* rows, float* to) const;
 
   std::vector<std::uint32_t> begin_;  ///< [cells + 1]
-  std::vector<Exchange> from_;        ///< what each cell takes, itself first
+  std::vector<Exchange> from_;        ///< weights of each cell's inputs, its own first
   double edge2_m2_ = 1;               ///< mean square of the edges of a box
 };
 

@@ -71,10 +71,11 @@ std::optional<Fold> fold_of(const TriangleMesh& mesh, const MirrorPlanes& mirror
   glm::dvec3 sum(0), centroid(0);
   double area = 0;
   for (const std::uint32_t triangle : triangles) {
-    const glm::dvec3 own = doubled_area(mesh, triangle);
-    sum += glm::dot(own, facing) < 0 ? -own : own;
-    for (int i = 0; i < 3; ++i) centroid += glm::length(own) / 3.0 * (glm::dvec3(mesh.vertices[mesh.triangles[triangle][i]]) - origin);
-    area += glm::length(own);
+    const glm::dvec3 triangle_area = doubled_area(mesh, triangle);
+    sum += glm::dot(triangle_area, facing) < 0 ? -triangle_area : triangle_area;
+    for (int i = 0; i < 3; ++i)
+      centroid += glm::length(triangle_area) / 3.0 * (glm::dvec3(mesh.vertices[mesh.triangles[triangle][i]]) - origin);
+    area += glm::length(triangle_area);
   }
   if (!(glm::length(sum) > 0)) return std::nullopt;
   const glm::dvec3 normal = glm::normalize(sum);
@@ -82,8 +83,8 @@ std::optional<Fold> fold_of(const TriangleMesh& mesh, const MirrorPlanes& mirror
   Bounds bounds{glm::vec3(infinity), glm::vec3(-infinity)};
   double lowest_m = std::numeric_limits<double>::infinity(), highest_m = -lowest_m;
   for (const std::uint32_t triangle : triangles) {
-    const glm::dvec3 own = doubled_area(mesh, triangle);
-    if (std::abs(glm::dot(own, normal)) < kMinCosine * glm::length(own)) return std::nullopt;
+    const glm::dvec3 triangle_area = doubled_area(mesh, triangle);
+    if (std::abs(glm::dot(triangle_area, normal)) < kMinCosine * glm::length(triangle_area)) return std::nullopt;
     for (int i = 0; i < 3; ++i) {
       const glm::vec3 vertex = mesh.vertices[mesh.triangles[triangle][i]];
       const double height_m = glm::dot(normal, glm::dvec3(vertex) - origin);
@@ -128,11 +129,12 @@ FoldedPlanes find_folded_planes(const TriangleMesh& mesh, const MirrorPlanes& mi
   if (found.empty()) return result;
   std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.fold.plane.area_m2 > b.fold.plane.area_m2; });
   result.fold_of_triangle.assign(count, static_cast<std::uint32_t>(found.size()));
-  for (const Found& one : found) {
-    for (const std::uint32_t triangle : one.triangles) result.fold_of_triangle[triangle] = static_cast<std::uint32_t>(result.planes.size());
-    result.planes.push_back(one.fold.plane);
-    result.depth_m.push_back(one.fold.depth_m);
-    result.some_plane.push_back(one.fold.largest);
+  for (const Found& candidate : found) {
+    for (const std::uint32_t triangle : candidate.triangles)
+      result.fold_of_triangle[triangle] = static_cast<std::uint32_t>(result.planes.size());
+    result.planes.push_back(candidate.fold.plane);
+    result.depth_m.push_back(candidate.fold.depth_m);
+    result.some_plane.push_back(candidate.fold.largest);
   }
   return result;
 }

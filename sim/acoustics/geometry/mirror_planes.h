@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// A group of coplanar triangles, connected or not, of either facing: what an image source mirrors in.
+/// A group of coplanar triangles, connected or not, of either facing: the mirror of an image source.
 struct MirrorPlane {
   glm::vec3 normal;        ///< unit; the facing of the largest triangle
   float offset_m;          ///< dot(normal, x) on the plane

@@ -13,27 +13,29 @@ constexpr int kEdge = LatticeBits::kEdge, kMargin = LatticeBits::kMargin;
 
 }  // namespace
 
-LatticeBits LatticeBits::moved(int axis, int by) const {
+LatticeBits LatticeBits::moved(int axis, int num_lines) const {
   LatticeBits bits;
   for (int x = 0; x < kEdge; ++x)
     for (int y = 0; y < kEdge; ++y) {
-      const int from_x = x - (axis == 0 ? by : 0), from_y = y - (axis == 1 ? by : 0);
+      const int from_x = x - (axis == 0 ? num_lines : 0), from_y = y - (axis == 1 ? num_lines : 0);
       if (from_x < 0 || from_x >= kEdge || from_y < 0 || from_y >= kEdge) continue;
       const unsigned row = row_[row_of({from_x, from_y, 0})];
-      bits.row_[row_of({x, y, 0})] = static_cast<std::uint16_t>(axis != 2 ? row : by < 0 ? row >> -by : row << by & ((1u << kEdge) - 1));
+      bits.row_[row_of({x, y, 0})] = static_cast<std::uint16_t>(axis != 2       ? row
+                                                                : num_lines < 0 ? row >> -num_lines
+                                                                                : row << num_lines & ((1u << kEdge) - 1));
     }
   return bits;
 }
 
 LatticeBits LatticeBits::eroded(int axis, int count) const {
   LatticeBits bits = *this;
-  for (int by = 1; by < count; ++by) bits = bits & moved(axis, -by);
+  for (int num_lines = 1; num_lines < count; ++num_lines) bits = bits & moved(axis, -num_lines);
   return bits;
 }
 
 LatticeBits LatticeBits::dilated(int axis, int count) const {
   LatticeBits bits = *this;
-  for (int by = 1; by < count; ++by) bits = bits | moved(axis, by);
+  for (int num_lines = 1; num_lines < count; ++num_lines) bits = bits | moved(axis, num_lines);
   return bits;
 }
 
@@ -51,7 +53,7 @@ OpenLines::OpenLines(const Scene& scene, const FieldBoxes& boxes, const WallPart
         const bool crosses = ++next[axis] == FieldBoxes::kPointsPerEdge;
         if (crosses && !has_next) continue;
         if (crosses) next[axis] = 0;
-        // Two parts side by side make a box: what touches neither does not cut the line.
+        // Two parts side by side make a box: geometry outside of both does not cut the line.
         const bool may_be_cut =
             walls.touch_part(box, number) || walls.touch_part(crosses ? next_box : box, FieldBoxes::lattice_number(next));
         if (!may_be_cut || !scene.rays().occluded(boxes.lattice_point(index, at), boxes.lattice_point(crosses ? next_index : index, next)))
@@ -73,10 +75,11 @@ LatticeBits OpenLines::around(const glm::ivec3& index, int axis) const {
       const int at_x = first.x + x, at_y = first.y + y;
       if (at_x < 0 || at_x >= count.x || at_y < 0 || at_y >= count.y) continue;
       const glm::ivec3 box(at_x / kPoints, at_y / kPoints, index.z);
-      const unsigned before = row_of(box - glm::ivec3(0, 0, 1), at_x % kPoints, at_y % kPoints);
-      const unsigned own = row_of(box, at_x % kPoints, at_y % kPoints);
-      const unsigned after = row_of(box + glm::ivec3(0, 0, 1), at_x % kPoints, at_y % kPoints);
-      bits.set_row(x, y, before >> (kPoints - kMargin) | own << kMargin | (after & ((1u << kMargin) - 1)) << (kMargin + kPoints));
+      const unsigned lower_row = row_of(box - glm::ivec3(0, 0, 1), at_x % kPoints, at_y % kPoints);
+      const unsigned middle_row = row_of(box, at_x % kPoints, at_y % kPoints);
+      const unsigned upper_row = row_of(box + glm::ivec3(0, 0, 1), at_x % kPoints, at_y % kPoints);
+      bits.set_row(x, y,
+                   lower_row >> (kPoints - kMargin) | middle_row << kMargin | (upper_row & ((1u << kMargin) - 1)) << (kMargin + kPoints));
     }
   return bits;
 }

@@ -25,7 +25,7 @@ class LatticeBits {
   friend LatticeBits operator&(const LatticeBits& a, const LatticeBits& b) { return combined(a, b, std::bit_and<>()); }
   friend LatticeBits operator|(const LatticeBits& a, const LatticeBits& b) { return combined(a, b, std::bit_or<>()); }
   /// Moved by so many places along an axis; clear bits follow.
-  [[nodiscard]] LatticeBits moved(int axis, int by) const;
+  [[nodiscard]] LatticeBits moved(int axis, int num_lines) const;
   /// Places from which so many in a row along an axis are set.
   [[nodiscard]] LatticeBits eroded(int axis, int count) const;
   /// Set places, and so many less one that follow each along an axis.
@@ -58,7 +58,7 @@ class OpenLines {
 };
 
 /// The open lines of a box and round it, and those of them in windows: three by three side by side, with open lines between the neighbours
-/// of both ends.  A slit lets a row or two of lines through, and where a wall ends there, the lines on both sides of it are no neighbours.
+/// of both ends.  A slit lets a row or two of lines through, and if a wall ends there, the lines on both sides of it are not neighbours.
 /// Places count from the first of the margin.
 class OpenWindows {
  public:

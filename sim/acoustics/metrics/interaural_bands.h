@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// What two ears differ by in one octave.
+/// Interaural differences in one octave.
 struct InterauralBand {
   std::optional<double> ild_db;  ///< level of the left ear over the right one, whole response; nullopt where one is silent
   std::optional<double> iacc;    ///< largest size of the normalised cross-correlation within 1 ms, whole response (interaural.h: total)

@@ -12,7 +12,8 @@
 namespace earshot {
 namespace {
 
-/// The response with the late energy of all batches but one; what panels scatter belongs to none and stays whole.  Harmonics above order 0
+/// The response with the late energy of all batches but one; energy scattered by panels belongs to no batch and stays whole.  Harmonics
+/// above order 0
 /// are left as they are: no decay time depends on them.
 void leave_out(const EnergyResponse& whole, const EnergyHistogram& scattered, int batch, EnergyResponse& rest) {
   const LateBatches& batches = whole.batches;
@@ -30,10 +31,10 @@ void leave_out(const EnergyResponse& whole, const EnergyHistogram& scattered, in
   }
 }
 
-/// Adds unseen chains within bins [first, last) to the late field `more` of a response; false if there are none.
-bool add_unseen(const LateBatches& batches, int first, int last, EnergyHistogram& more) {
-  const auto stride = static_cast<std::size_t>(more.num_coefficients());
-  bool any = false;
+/// Adds unseen chains within bins [first, last) to the late field `late_field` of a response; false if there are none.
+bool add_unseen(const LateBatches& batches, int first, int last, EnergyHistogram& late_field) {
+  const auto stride = static_cast<std::size_t>(late_field.num_coefficients());
+  bool is_audible = false;
   for (int band = 0; band < batches.num_bands; ++band) {
     const auto at = [&](int bin) { return static_cast<std::size_t>(bin) * batches.num_bands + band; };
     int end = last;
@@ -41,11 +42,11 @@ bool add_unseen(const LateBatches& batches, int first, int last, EnergyHistogram
     float latest = 0;  // bins between two rays hold what the earlier one may
     for (int bin = first; bin < end; ++bin) {
       if (batches.unseen[at(bin)] > 0.f) latest = batches.unseen[at(bin)];
-      more.values()[at(bin) * stride] += latest;
+      late_field.values()[at(bin) * stride] += latest;
     }
-    any = any || latest > 0.f;
+    is_audible = is_audible || latest > 0.f;
   }
-  return any;
+  return is_audible;
 }
 
 /// Per band and statistic.

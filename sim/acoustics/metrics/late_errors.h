@@ -13,7 +13,7 @@ namespace earshot {
 
 /// Standard errors of one band of a response, from the spread of its batches.
 struct BandErrors {
-  double late_energy = 0, late_energy_error = 0;  ///< Green units, summed over time; what panels scatter counts as exact
+  double late_energy = 0, late_energy_error = 0;  ///< Green units, summed over time; energy scattered by panels counts as exact
   /// Jackknife over batches (Quenouille 1956, Tukey 1958), times Student's over Gauss's quantile for so few of them: twice the error covers
   /// 95 % whatever their number; in quadrature with what chains of mirrors may hold that no batch has found (LateBatches::unseen).  nullopt
   /// where the value itself does not exist.

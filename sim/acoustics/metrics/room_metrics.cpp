@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-/// Adds `energy` spread evenly over [begin_s, begin_s + width_s) to a series of bins that starts at zero; what lies before goes to bin 0.
+/// Adds `energy` spread evenly over [begin_s, begin_s + width_s) to a series of bins that starts at zero; earlier energy goes to bin 0.
 void add_spread(std::vector<double>& series, double bin_s, double begin_s, double width_s, double energy) {
   const auto last = static_cast<double>(series.size());
   const double from = begin_s / bin_s, to = (begin_s + width_s) / bin_s;
@@ -30,15 +30,15 @@ double coherent_energy(std::span<const Arrival> arrivals, int band, double low_h
   double sum = 0;
   for (std::size_t i = 0; i < arrivals.size(); ++i) {
     if (!interferes(arrivals[i])) continue;
-    const double own = arrivals[i].amplitude[band];
-    sum += own * own;
+    const double amplitude = arrivals[i].amplitude[band];
+    sum += amplitude * amplitude;
     for (std::size_t j = 0; j < i; ++j) {
       if (!interferes(arrivals[j])) continue;
       const double apart_s = (double{arrivals[i].distance_m} - arrivals[j].distance_m) / speed_m_per_s;
       const double phase = double{arrivals[j].phase_rad[band]} - arrivals[i].phase_rad[band];
       const double half_turns = std::numbers::pi * (high_hz - low_hz) * apart_s;
       const double sinc = std::abs(half_turns) > 1e-6 ? std::sin(half_turns) / half_turns : 1.0;
-      sum += 2.0 * own * arrivals[j].amplitude[band] * std::cos(std::numbers::pi * (low_hz + high_hz) * apart_s + phase) * sinc;
+      sum += 2.0 * amplitude * arrivals[j].amplitude[band] * std::cos(std::numbers::pi * (low_hz + high_hz) * apart_s + phase) * sinc;
     }
   }
   return std::max(sum, 0.0);

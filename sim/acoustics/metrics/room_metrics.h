@@ -20,7 +20,7 @@ struct RoomMetrics {
 
 /// From the energy response: exact times, no carrier noise.  Time zero is the direct arrival, or, without line of sight, the first
 /// arrival of any kind.  Direct and diffracted sound interfere: their energies are added with the cross terms' band means, so that levels
-/// are continuous through a shadow boundary; in sight, what is diffracted within 2.5 ms belongs to the direct sound.
+/// are continuous through a shadow boundary; in sight, sound diffracted within 2.5 ms counts as direct sound.
 RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response);
 /// From one channel of a rendered RIR: zero-phase octave filters, energies in 1 ms windows.  The direct sound is what lies within 2.5 ms of
 /// `direct_delay_s`.  Shorter than 16 / bandwidth a decay is that of the filter (docs/evidence/oracles.md, O-25).

@@ -67,7 +67,7 @@ class AcousticScene {
   [[nodiscard]] float max_path_m() const { return config_.rir_length_s * speed_of_sound_m_per_s(); }
   /// Energy exponent of air per band, at its centre; zero where air absorption is off.
   [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
-  /// What surfaces keep, scatter and let through, for the tracers; with transmission if traces_transmission(*this).
+  /// Reflected, scattered and transmitted fractions of the surfaces, for the tracers; with transmission if traces_transmission(*this).
   [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
 
   /// Cells of the source fields, found on the first call, once, from any thread.

@@ -59,7 +59,7 @@ void AcousticSurfaces::set_coefficients() {
       const std::size_t cell = slot * stride_ + band;
       reflectance_[cell] = 1.f - mean(material.absorption);
       scattering_[cell] = config_.scattering >= 0.f ? config_.scattering : mean(material.scattering);
-      // What passes through is part of what is not reflected (docs/evidence/oracles.md, O-22; docs/evidence/stability.md, H-27).
+      // Transmitted energy is part of the energy that is not reflected (docs/evidence/oracles.md, O-22; docs/evidence/stability.md, H-27).
       transmission_[cell] = std::min(mean(material.transmission), 1.f - reflectance_[cell]);
       transmits_ = transmits_ || transmission_[cell] > 0.f;
       damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);

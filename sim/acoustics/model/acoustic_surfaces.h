@@ -18,7 +18,7 @@ namespace earshot {
 
 class SpecularLobe;
 
-/// What a search of the geometry found: most of the time that surfaces take.
+/// Results of the geometry search, which takes most of the time of this class.
 struct FoundGeometry {
   std::vector<DiffractionEdge> edges;  ///< with diffraction off: none
   MirrorPlanes planes;
@@ -26,7 +26,8 @@ struct FoundGeometry {
   std::vector<double> mean_absorption;  ///< [num_bands]
 };
 
-/// What a scene and a configuration say before anything is decided (effect_plan.h): coefficients per band, planes, edges.  Immutable,
+/// Properties of a scene and a configuration that do not depend on the effect plan (effect_plan.h): coefficients per band, planes, edges.
+/// Immutable,
 /// shared by all threads; holds the scene alive.
 class AcousticSurfaces {
  public:

@@ -21,11 +21,11 @@ inline RandomStream probe_stream(ProbeUse use, std::uint32_t item) {
 bool has_height(const AcousticSurfaces& surfaces, glm::vec3 point);
 bool is_room(const AcousticSurfaces& surfaces, glm::vec3 point);
 
-/// At most 32 points of the air, one in each of 4 x 2 x 4 parts of the bounds where a listener could stand; all around a scene in which
-/// there is no such place.
+/// At most 32 points of the air, one in each of 4 x 2 x 4 parts of the bounds where a listener could stand; spread around the scene if a
+/// listener cannot stand anywhere.
 std::vector<glm::vec3> points_of_air(const AcousticSurfaces& surfaces);
 
-/// What six rays along the axes see of a room: as of a box with these walls.
+/// A room as six rays along the axes see it: a box with these walls.
 struct RoomGuess {
   bool closed = false;             ///< all six hit
   double volume_m3 = 0;            ///< of that box; as large as the bounds allow where it is not closed

@@ -5,7 +5,8 @@
 
 namespace earshot {
 
-/// What diffraction may cost.  `on`: all that the config allows.  `automatic`: in proportion to the rays of the late field, so that a
+/// Limits on the cost of diffraction.  `on`: all that the config allows.  `automatic`: in proportion to the rays of the late field, so that
+/// a
 /// preset of few rays stays as fast as it is:
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
 ///  - of those, with fewer than 512 rays, one path per ray is worked out, those first that lose least on the way to their last edge;

@@ -25,7 +25,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMargin = 1.2, kOpenMargin = 2.0, kClosedFraction = 0.98;
 constexpr double kShortestRirS = 0.1, kShortestHorizonS = 1.5, kLongestRirS = 4.0, kLongestDelayS = 0.6;
-/// How far down the flutter of facing mirrors may be cut: what is missing there is 0.5 dB of a decay curve at -45 dB.
+/// Level below which flutter between facing mirrors may be cut: the error is 0.5 dB of a decay curve at -45 dB.
 constexpr double kFlutterFallDb = 55;
 /// Rays for 5 % error of T30, one diffuse room; they grow with the inverse cube of the fraction of the air that is visible from a point:
 /// 10, 80, 640 and 1250 for fractions of 1, 1/2, 1/4 and 1/5, against 10 in a room, 100 to 1300 in two coupled ones and 900 to 2100 in an
@@ -210,8 +210,8 @@ class Planner {
       return;
     }
     const DiffractionEdges* edges = surfaces_.diffraction_edges();
-    const bool any = edges != nullptr && edges->size() > 0;
-    plan_.diffraction = any && (config_.diffraction == Switch::on || edge_in_sight(*edges));
+    const bool has_edges = edges != nullptr && edges->size() > 0;
+    plan_.diffraction = has_edges && (config_.diffraction == Switch::on || edge_in_sight(*edges));
     if (!plan_.diffraction) {
       add("diffraction", false, "off", kUnchanged, diffraction_ms(), "no diffracting edge is visible from the air");
       return;
@@ -233,8 +233,8 @@ class Planner {
   /// Is an edge visible from any point of the air, or has the air round it a floor below?  The second finds those in rooms that no point is
   /// in.  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
   [[nodiscard]] bool edge_in_sight(const DiffractionEdges& edges) const {
-    constexpr std::size_t many = 100;
-    if (edges.size() > many) return true;
+    constexpr std::size_t max_edges = 100;
+    if (edges.size() > max_edges) return true;
     for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
       for (const double part : {0.25, 0.5, 0.75})
         if (has_height(surfaces_, edges.inset_air_point(edge, part * edges[edge].length_m))) return true;
@@ -281,7 +281,7 @@ class Planner {
   }
   [[nodiscard]] FieldCosts field_costs() const {
     const double rays = std::min(kRaysOfARoom / std::pow(std::max(probe_.visible_fraction, 0.1), 3.0), 2000.0);
-    // What would run instead: the configured rays, or the needed ones if they are more.
+    // Rays that would run instead: the configured number, or the needed one if larger.
     const double tracer_ms = kPosesPerSource * trace_ms(std::max(rays, static_cast<double>(config_.rays)), plan_.rir_length_s);
     // Photons for 5 %: their error falls as 0.7 to 1.8 over the root of their number, from a room to a furnished house (measured).  Per
     // pose eight histories are blended.

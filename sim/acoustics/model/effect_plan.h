@@ -12,17 +12,18 @@ namespace earshot {
 
 class AcousticSurfaces;
 
-/// What leaving an effect out may change: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
-/// (docs/explanation/effect_bounds.md, section 1: a tenth and a fifth of what is just heard).  An automatic length is no effect: it keeps
+/// Largest change from leaving an effect out: 0.1 dB in the energy of any band at every time down to -45 dB, and 1 % of RT60
+/// (docs/explanation/effect_bounds.md, section 1: a tenth and a fifth of the just noticeable difference).  An automatic length does not
+/// count as an effect: it keeps
 /// RT60 by as much and the decay curve by 0.1 dB down to -35 dB, by 0.5 dB down to -45 dB, as a curve that ends bends down before its end.
 inline constexpr double kEffectBudgetDb = 0.1, kEffectBudgetRt = 0.01;
 /// The fraction of energy that changes a level by the budget, 10^0.01 - 1: -16.3 dB.
 inline constexpr double kEffectBudgetFraction = 0.023293;
 
-/// What a decision rests on.
+/// Basis of a decision.
 enum class BoundKind : std::uint8_t {
   exact,         ///< nothing is left out: the same bits, or only zeros dropped
-  bounded,       ///< what is left out stays within the budget, by a bound that the plan computes from the scene
+  bounded,       ///< an omitted effect stays within the budget, by a bound that the plan computes from the scene
   approximated,  ///< for speed, by more than the budget and at most the number that is stated; `on` computes it in full
   user_set       ///< by the config, without a bound
 };
@@ -32,22 +33,22 @@ struct EffectDecision {
   std::string effect;    ///< key of the config
   std::string decision;  ///< "on", "off", or a value
   bool on = false;
-  double change = 0;  ///< off: by how much that changes a response at most; on: about how much leaving it out would.  NaN: no such number
+  double change = 0;  ///< off: largest change of a response; on: approximate change without the effect.  NaN: not estimated
   std::string unit;   ///< of `change`
   BoundKind kind = BoundKind::exact;
   double saved_ms = 0;  ///< per pose on one core, by the cost model; 0 if on
   std::string why;
 };
 
-/// What to simulate in a scene.  A function of the scene and the config, without its seed and threads; of the number of
+/// Effects to simulate in a scene.  A function of the scene and the config, without its seed and threads; of the number of
 /// rays only whether they are 512 or more.
 struct EffectPlan {
   std::vector<EffectDecision> decisions;
-  // what the engine reads
+  // the settings that the engine reads
   std::array<bool, kMaxBands> air{};  ///< bands that air damps
   int image_order = 0;                ///< of early reflections
   bool late = true;
-  bool diffraction = false;            ///< if not, no source looks for edges; how far it is carried: DiffractionBudget
+  bool diffraction = false;            ///< if false, no source searches for edges; DiffractionBudget limits the paths
   bool straight_transmission = false;  ///< along the line of sight, at poses where it is blocked
   bool traced_transmission = false;    ///< inside the tracers
   bool field = false;

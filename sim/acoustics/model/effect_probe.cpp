@@ -66,7 +66,7 @@ class Decay {
   [[nodiscard]] double fall_s(std::size_t band, double per_s) const {
     std::array<double, kTimes> value;
     for (std::size_t i = 0; i < kTimes; ++i) value[i] = energy_[i * num_bands_ + band] * std::exp(-per_s * times_s_[i]);
-    // What comes after the horizon: an exponential through the last third of the time.
+    // Energy after the horizon: an exponential through the last third of the time.
     const std::size_t late = kTimes - 1, mid = static_cast<std::size_t>(
                                              std::lower_bound(times_s_.begin(), times_s_.end(), 0.6 * times_s_[late]) - times_s_.begin());
     const double span_s = times_s_[late] - times_s_[mid];
@@ -151,13 +151,13 @@ void compare_walls(const AcousticSurfaces& surfaces, const std::vector<Wall>& wa
   std::vector<std::vector<double>> ratios(num_bands);
   for (std::size_t i = 0; i < walls.size(); ++i) {
     const Wall& wall = walls[i];
-    // Received further from the wall than where the sound starts: the first reflection there is no measure of the room.
+    // The receiver is farther from the wall than the source, so the first reflection does not measure the room.
     const std::array<glm::vec3, 2> listeners{into_the_room(surfaces, wall.far, wall.away), into_the_room(surfaces, wall.near, -wall.away)};
     transfer(surfaces, wall.far, listeners, static_cast<std::uint32_t>(i), energy);
     for (std::size_t band = 0; band < num_bands; ++band) {
       const double through = transmission[band] / std::max(probe.absorption[band], 1e-3) * energy[0][band];
-      const double none = std::numeric_limits<double>::infinity();
-      ratios[band].push_back(!(through > 0) ? 0.0 : energy[1][band] > 0 ? through / energy[1][band] : none);
+      const double infinity = std::numeric_limits<double>::infinity();
+      ratios[band].push_back(!(through > 0) ? 0.0 : energy[1][band] > 0 ? through / energy[1][band] : infinity);
     }
   }
   if (walls.empty()) return;

@@ -12,10 +12,10 @@ namespace earshot {
 /// How far decays are followed.
 inline constexpr double kProbedFallDb = 50.0;
 
-/// What a few hundred rays tell about a surfaces.  The same for every seed of the config: what is decided from it must not change with the
-/// random numbers of a run.
+/// Statistics of the surfaces from a few hundred rays.  They do not depend on the seed of the config, so that decisions do not change with
+/// the random numbers of a run.
 struct EffectProbe {
-  std::vector<glm::vec3> points;                 ///< of the air, spread over the bounds; with a floor below where there is any such point
+  std::vector<glm::vec3> points;                 ///< of the air, spread over the bounds; above a floor where possible
   double hit_fraction = 0;                       ///< of the segments of diffuse walks: 1 in a closed room
   double mean_free_path_m = 0;                   ///< of the segments that hit something
   std::vector<double> absorption, transmission;  ///< [num_bands], mean over hits

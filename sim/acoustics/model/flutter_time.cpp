@@ -55,8 +55,8 @@ bool is_mirror(const AcousticSurfaces& surfaces, const Pair& pair) {
   return false;
 }
 
-/// Do the planes face each other over more than a doorway?  Through two doors in a row one wall of a house faces another: that row is heard
-/// by who stands in line with the doors alone.
+/// Do the planes face each other over more than a doorway?  Through two doors in a row one wall of a house faces another: only listeners in
+/// line with the doors hear that row.
 bool is_wide(const AcousticSurfaces& surfaces, const Pair& pair, glm::vec3 normal) {
   constexpr float half_width_m = 0.45f;
   const EmbreeScene& rays = surfaces.scene().rays();
@@ -82,7 +82,7 @@ double fall_m(double gap_m, double flutter_per_m, double diffuse_per_m, double v
   const auto path_m = [&](std::size_t i) { return gap_m * std::exp(step * static_cast<double>(i)); };
   // With the source at one mirror and the listener at the other nothing comes before the way between them, r = gap.
   const double diffuse = volume_m3 > 0 ? std::exp(-diffuse_per_m * gap_m) / (4.0 * std::numbers::pi * volume_m3 * diffuse_per_m) : 0.0;
-  // What comes after the horizon: the row goes on as 1 / r^2 or as its reflections, whichever falls faster.
+  // Energy after the horizon: the row decays as 1 / r^2 or by its reflections, whichever is faster.
   std::array<double, kSteps> left;
   const double last_m = path_m(kSteps - 1);
   left[kSteps - 1] = flutter(last_m) * std::min(1.0, 1.0 / std::max(flutter_per_m * last_m, 1e-12));

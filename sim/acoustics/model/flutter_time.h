@@ -8,8 +8,8 @@
 
 namespace earshot {
 
-/// How long the sound between facing mirrors lasts: for each band the time in which what comes back and forth between two planes of the
-/// scene falls by `fall_db`, beside the diffuse sound of the room there, the longest over all pairs.  Zero where there is none.
+/// Decay time of flutter echoes: for each band the longest time, over all pairs of facing planes, in which the sound between the planes
+/// falls by `fall_db` relative to the diffuse sound of the room.  Zero without a pair.
 ///
 /// In closed form.  Two planes d apart with a mean specular reflectance R bring 2 / d R^(r / d) / (4 pi r)^2 per metre of path r (images in
 /// a row, Allen and Berkley 1979), from the first bounce on; the room between them exp(-k r) / (4 pi V), k by Eyring of the box that six

@@ -25,7 +25,8 @@ struct PlaneSequence {
 void append_sequences(const AcousticScene& scene, glm::vec3 origin, glm::vec3 direction, std::vector<PlaneSequence>& sequences);
 
 /// Plane sequences by cells of the air, for sources that move: what rays from all over a cell meet, found when a source comes into it first
-/// and kept for its next poses and for other sources.  A cell's sequences are a function of (scene, seed, cell), whoever asks first: rays
+/// and kept for its next poses and for other sources.  The sequences of a cell are a function of (scene, seed, cell), independent of the
+/// order of requests: rays
 /// start at points spread over the cell, in directions spread over the sphere.  Any thread; bounded to kMaxCells cells of about 10 KiB, of
 /// which the oldest goes.
 class PlaneCells {

@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// What a surface does with the energy that meets it, per band, as the bidirectional tracer uses it (docs/explanation/estimators.md,
+/// Reflection and transmission of a surface per band, as the bidirectional tracer uses them (docs/explanation/estimators.md,
 /// sections 3 and 5):
 ///   kept = 1 - alpha + tau; of the kept energy the fraction diffuse = (1 - alpha) s / kept leaves after Lambert, specular = (1 - alpha)(1
 ///   - s) / kept as from a mirror or in a lobe, transmitted = tau / kept goes straight on.

@@ -42,7 +42,7 @@ WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, c
 
 /// Multiplies `energy` [num_bands] by the fraction that passes: tau of the material once, times 10^(-damping * inside_m / 10).
 void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> energy);
-/// What the crossing adds to a path counted in metres of air: inside_m (c / c_inside - 1); 0 without a speed of the material's own.
+/// Length that the crossing adds to a path, in metres of air: inside_m (c / c_inside - 1); 0 if the material states no speed of sound.
 float extra_path_m(const AcousticSurfaces& surfaces, const WallCrossing& crossing);
 
 }  // namespace earshot

@@ -12,8 +12,8 @@
 
 namespace earshot {
 
-/// Eight frequency bands side by side: what an edge does to one it does to all, so that the terms of diffraction are worked out for eight
-/// at once.  Single precision, except for the phases of long ways.
+/// Eight frequency bands side by side.  An edge acts on all bands alike, so the terms of diffraction are computed for eight at once.
+/// Single precision, except for the phases of long ways.
 inline constexpr std::size_t kLanes = 8;
 using Lanes = EightFloats;
 using LaneIntegers = std::int32_t __attribute__((vector_size(4 * kLanes)));
@@ -32,9 +32,9 @@ inline ComplexLanes operator*(const ComplexLanes& a, const ComplexLanes& b) {
 inline ComplexLanes conj(const ComplexLanes& a) { return {a.real, -a.imag}; }
 inline Lanes norm(const ComplexLanes& a) { return a.real * a.real + a.imag * a.imag; }
 inline bool all_zero(const Lanes& x) {
-  bool any = false;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) any = any || x[lane] != 0.f;
-  return !any;
+  bool any_nonzero = false;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) any_nonzero = any_nonzero || x[lane] != 0.f;
+  return !any_nonzero;
 }
 inline Lanes choose(LaneIntegers condition, const Lanes& yes, const Lanes& no) { return condition ? yes : no; }
 inline ComplexLanes choose(LaneIntegers condition, const ComplexLanes& yes, const ComplexLanes& no) {

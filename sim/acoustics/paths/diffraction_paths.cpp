@@ -38,13 +38,13 @@ glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 norm
 /// Amplitude and phase of the bands of a group.  Returns whether any is above 0.
 bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distance_m, Arrival& arrival) {
   const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
-  bool any = false;
+  bool is_audible = false;
   for (int lane = 0; lane < bands.count; ++lane) {
     arrival.amplitude[bands.first + lane] = amplitude[lane];
     arrival.phase_rad[bands.first + lane] = phase[lane];
-    any = any || amplitude[lane] > 0.f;
+    is_audible = is_audible || amplitude[lane] > 0.f;
   }
-  return any;
+  return is_audible;
 }
 
 /// Does the face, which goes on for `width_m` from the edge, end before the point of reflection in its plane?
@@ -386,13 +386,13 @@ SplitFactors DiffractionCandidates::Search::weigh_terms(const DiffractionEdge& e
     const bool ends = i > 0 && candidates_.budget_.near_boundary_only;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t band = static_cast<std::size_t>(bands.first) + std::min(lane, static_cast<std::size_t>(bands.count) - 1);
-      const double own = ends ? 0.0 : boundary_weight(bands.wave.exact[lane] * boundaries[i].detour_m / (2.0 * std::numbers::pi));
-      const double weight = std::max(own, least_weight_[band]);
+      const double band_weight = ends ? 0.0 : boundary_weight(bands.wave.exact[lane] * boundaries[i].detour_m / (2.0 * std::numbers::pi));
+      const double weight = std::max(band_weight, least_weight_[band]);
       if (!(weight > 0)) continue;
       if (i == 0) {
-        const bool belongs = boundaries[0].path >= 0 && own > 0;
+        const bool belongs = boundaries[0].path >= 0 && band_weight > 0;
         (belongs ? factors.direct : factors.others).incidence[lane] = static_cast<float>(weight) * (1.f - passed[lane]);
-        factors.jump[lane] = belongs ? static_cast<float>(own / weight) / std::max(1.f - passed[lane], 0.01f) : 0.f;
+        factors.jump[lane] = belongs ? static_cast<float>(band_weight / weight) / std::max(1.f - passed[lane], 0.01f) : 0.f;
       } else {
         (i == 1 ? factors.others.first : factors.others.second)[lane] =
             static_cast<float>(weight) * (i == 1 ? first.reflected : second.reflected)[lane];
@@ -408,7 +408,7 @@ void DiffractionCandidates::Search::split(const DiffractionEdge& edge, const Fin
     found_.arrival[i] = base;
     found_.arrival[i].order = i == 0 ? boundaries[0].path : -1;
   }
-  std::array<bool, 2> any{};
+  std::array<bool, 2> is_audible{};
   for (const EdgeBands& bands : candidates_.bands_) {
     SplitFactors factors = weigh_terms(edge, bands, boundaries);
     for (std::size_t i = 0; i < 2; ++i) {
@@ -417,12 +417,12 @@ void DiffractionCandidates::Search::split(const DiffractionEdge& edge, const Fin
       if (!all_zero(terms.incidence) || !all_zero(terms.first) || !all_zero(terms.second))
         sum = wedge.ratio(bands.wave, wedge.own_length_m(), terms);
       if (i == 0) factors.jump *= root_of(norm(sum));
-      any[i] = set_bands(bands, sum, double{base.distance_m}, found_.arrival[i]) || any[i];
+      is_audible[i] = set_bands(bands, sum, double{base.distance_m}, found_.arrival[i]) || is_audible[i];
     }
     for (int lane = 0; lane < bands.count; ++lane) found_.jump[static_cast<std::size_t>(bands.first + lane)] = factors.jump[lane];
   }
   for (std::size_t i = 0; i < 2; ++i) {
-    if (any[i]) found_.arrival[static_cast<std::size_t>(found_.count++)] = found_.arrival[i];
+    if (is_audible[i]) found_.arrival[static_cast<std::size_t>(found_.count++)] = found_.arrival[i];
   }
 }
 

@@ -46,7 +46,7 @@ class DiffractionCandidates {
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
 
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
-  /// What edges need to know of the scene's bands; empty where it has none.
+  /// Bands of the scene as edges use them; empty without edges.
   [[nodiscard]] std::span<const EdgeBands> bands() const { return bands_; }
 
  private:

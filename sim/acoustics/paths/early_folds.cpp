@@ -12,13 +12,13 @@ namespace earshot {
 void EarlyCandidates::add_folds(const AcousticScene& scene) {
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   const FoldedPlanes& folds = scene.folds();
-  const auto none = static_cast<std::uint32_t>(folds.planes.size());
+  const auto no_fold = static_cast<std::uint32_t>(folds.planes.size());
   // Triangles of one plane may lie in several folds.
   std::vector<std::vector<std::uint32_t>> of_plane(num_planes);
   for (std::size_t triangle = 0; triangle < folds.fold_of_triangle.size(); ++triangle) {
     const std::uint32_t fold = folds.fold_of_triangle[triangle];
     auto& known = of_plane[scene.plane_of_triangle()[triangle]];
-    if (fold != none && std::find(known.begin(), known.end(), fold) == known.end()) known.push_back(fold);
+    if (fold != no_fold && std::find(known.begin(), known.end(), fold) == known.end()) known.push_back(fold);
   }
   std::vector<Sequence> by_folds;
   for (std::size_t i = 0; i < num_by_planes_; ++i) {
@@ -70,18 +70,18 @@ bool EarlyCandidates::weigh_folds(const AcousticScene& scene, std::span<const st
     if (count == 0 || instead[count - 1] != next) instead[count++] = next;
   }
   if (deepest_m == 0) return !by_folds;
-  // Between the top and the bottom of a fold there are only its planes; paths of planes that are no candidates are the tracers'.
+  // Between the top and the bottom of a fold there are only its planes; the tracers handle paths over other planes.
   if (by_folds ? !outside || !contains(met)
                : !outside || !find_sequence(std::span(instead).first(count), num_by_planes_, sequences_.size()))
     return !by_folds;
-  bool any = false;
+  bool is_audible = false;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double longer_m = 2.0 * deepest_m, waves = longer_m * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
     const double one_mirror = boundary_weight(2.0 * waves);  // 1 up to an eighth of a wave, 0 from a quarter on
     energy_fraction[band] *= by_folds ? one_mirror : 1.0 - one_mirror;
-    any = any || energy_fraction[band] > 0;
+    is_audible = is_audible || energy_fraction[band] > 0;
   }
-  return any;
+  return is_audible;
 }
 
 }  // namespace earshot

@@ -36,13 +36,13 @@ constexpr int kOwnRays = 8;                     // of a source that moves: one i
 
 /// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
 bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
-  bool any = false;
+  bool is_audible = false;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
     arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_fraction[band]) * air / (4.0 * std::numbers::pi * distance_m));
-    any = any || arrival.amplitude[band] > 0.f;
+    is_audible = is_audible || arrival.amplitude[band] > 0.f;
   }
-  return any;
+  return is_audible;
 }
 
 /// A mirror plane, or from planes().size() on a fold.
@@ -113,10 +113,10 @@ bool find_reflection_points(const AcousticScene& scene, glm::dvec3 image, glm::d
   for (int i = sequence.order - 1; i >= 0; --i) {
     const MirrorPlane& rounded = mirror_at(scene, sequence.plane[i]);
     const ExactPlane plane(rounded);
-    const double here = plane.height(start), there = plane.height(image);
-    const bool at_edge = i + 1 < sequence.order && std::abs(here) < edge_m;
-    if (!at_edge && !(here * there < 0)) return false;
-    path.point[i] = at_edge ? start : start + here / (here - there) * (image - start);
+    const double start_height = plane.height(start), image_height = plane.height(image);
+    const bool at_edge = i + 1 < sequence.order && std::abs(start_height) < edge_m;
+    if (!at_edge && !(start_height * image_height < 0)) return false;
+    path.point[i] = at_edge ? start : start + start_height / (start_height - image_height) * (image - start);
     if (!rounded.bounds_hold(path.point[i])) return false;
     start = path.point[i];
     image = plane.mirror(image);
@@ -262,11 +262,11 @@ void EarlyCandidates::cull(std::size_t first, glm::dvec3 listener, std::span<std
   const double *offset = &last_.offset_m[first], *height = &last_.image_height_m[first];
   std::uint8_t* __restrict out = possible.data();
   for (std::size_t i = 0; i < possible.size(); ++i) {
-    const double here = nx[i] * x + ny[i] * y + nz[i] * z - offset[i], there = height[i];
-    const double fraction = here / (here - there);
+    const double listener_height = nx[i] * x + ny[i] * y + nz[i] * z - offset[i], image_height = height[i];
+    const double fraction = listener_height / (listener_height - image_height);
     const double px = x + fraction * (ix[i] - x), py = y + fraction * (iy[i] - y), pz = z + fraction * (iz[i] - z);
     const bool inside_bounds = (px >= lx[i]) & (px <= ux[i]) & (py >= ly[i]) & (py <= uy[i]) & (pz >= lz[i]) & (pz <= uz[i]);
-    out[i] = static_cast<std::uint8_t>((here * there < kSlackM * kSlackM) & inside_bounds);
+    out[i] = static_cast<std::uint8_t>((listener_height * image_height < kSlackM * kSlackM) & inside_bounds);
   }
 }
 

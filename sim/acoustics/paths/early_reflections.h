@@ -37,8 +37,8 @@ class EarlyCandidates {
   /// A folded surface (folded_planes.h) is one mirror in bands in which the ways between its top and bottom differ by an eighth of a wave
   /// at most, the planes that it consists of from a quarter on.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
-  /// Planes that end in the air reflect by their size (panel_reflection.h).  `scattered`: what they do not reflect of the energy of an
-  /// image is appended there, as arrivals in place of it; null: it is lost.
+  /// Planes that end in the air reflect by their size (panel_reflection.h).  `scattered`: receives the energy of an image that they do not
+  /// reflect, as arrivals; null: that energy is lost.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
                      std::vector<Arrival>* scattered) const;
   /// The same, with a ray of its own for the line of sight.

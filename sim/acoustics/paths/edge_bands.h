@@ -16,7 +16,7 @@ struct FaceLanes {
   Lanes reflected{}, transmitted{};
 };
 
-/// What a scene's edges need to know of up to eight of its bands.
+/// Up to eight bands of a scene as its edges use them.
 struct EdgeBands {
   int first, count;  ///< lane i is band first + i; lanes past `count` repeat the last one
   WaveLanes wave;

@@ -55,7 +55,7 @@ struct LastEdgeLanes {
     Lanes in_m, out_m;  ///< to Fermat's point, and on from it
   };
   struct Links {
-    LaneIntegers never;  ///< certainly no sequence
+    LaneIntegers is_impossible;  ///< certainly no sequence
     Lanes factor, way_m;
   };
 
@@ -93,7 +93,7 @@ struct LastEdgeLanes {
             .out_m = root_of(out_along * out_along + away_there * away_there)};
   }
 
-  /// On the lit side of the edge; what is near the edge, at its faces or inside its solid counts as behind it.
+  /// On the lit side of the edge; points near the edge, at its faces or inside its solid count as behind it.
   [[nodiscard]] LaneIntegers is_lit(const ThreeLanes& from_start, const Lanes& height, const Lanes& away_there) const {
     const Lanes argument_there = argument({dot(from_start, face), height});
     const Lanes angle = argument_there < 0.f ? argument_there + 2.f * std::numbers::pi_v<float> : argument_there;
@@ -115,7 +115,7 @@ struct LastEdgeLanes {
     const LaneIntegers lit = is_lit(from_start, height, way.away_there) & (fresnel_number > 2.f);
     const Lanes way_m = reached_m + way.in_m + way.out_m - slack_m;
     const LaneIntegers too_weak = (factor < least_factor) | (way_m > most_m);
-    return {.never = solid | lit | too_weak, .factor = factor, .way_m = way_m};
+    return {.is_impossible = solid | lit | too_weak, .factor = factor, .way_m = way_m};
   }
 
   ThreeLanes here, start, along, first_normal, second_normal, face;
@@ -197,7 +197,8 @@ void EdgeGrowth::add_links_of_edge(Family& family) const {
     const Lanes bound = 1.01f * links.factor * edge.root_of_length / least_m;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const auto index = static_cast<std::uint32_t>(group * kLanes + lane);
-      if (links.never[lane] != 0 || (hidden >> lane & 1u) != 0 || index >= edges_.size() || std::ranges::find(path, index) != path.end())
+      if (links.is_impossible[lane] != 0 || (hidden >> lane & 1u) != 0 || index >= edges_.size() ||
+          std::ranges::find(path, index) != path.end())
         continue;
       family.links.push_back({bound[lane], index});
     }

@@ -27,7 +27,7 @@ struct EdgeCandidate {
 /// An EdgeCandidate with its rank: the stronger the more likely it is to carry sound, the earlier found of two alike.
 struct RankedCandidate {
   double score_db = 0;
-  std::uint32_t family = 0;  ///< what it grew from
+  std::uint32_t family = 0;  ///< the sequence that it extends
   EdgeCandidate candidate;
   [[nodiscard]] std::uint32_t last_edge() const { return candidate.sequence.edge[static_cast<std::size_t>(candidate.sequence.order - 1)]; }
   /// Weaker than?
@@ -71,7 +71,7 @@ class EdgeGrowth {
   void add_links_of_source(Family& family) const;
   void add_links_of_edge(Family& family) const;
   void pop_link(Family& family);
-  /// False if the sequence is none: too long, too weak.
+  /// False if the sequence is too long or too weak.
   bool score(const Family& family, std::uint32_t edge, RankedCandidate& ranked) const;
   [[nodiscard]] bool in_sight(const EdgeCandidate& candidate) const;
   /// The best sequence of a queue, whatever is in sight; null if there is none.
@@ -85,7 +85,7 @@ class EdgeGrowth {
   const AcousticScene& scene_;
   const DiffractionEdges& edges_;
   glm::vec3 source_;
-  /// Eight edges; what is past the last one has no length and its bound is 0.
+  /// Eight edges; lanes past the last edge have length 0 and bound 0.
   struct EdgeLanes {
     std::array<Lanes, 3> start{}, along{};
     Lanes length_m{}, root_of_length{};

@@ -201,7 +201,7 @@ bool shortest_path(const DiffractionEdges& edges, const EdgeSequence& sequence, 
   if (order > 1) sweep(edges, false, path);
   path.length_m = length_of(path);
   for (int i = 0; order > 1 && i < 20; ++i) {
-    // What is left after a step is of the order of its square.
+    // The error after a step is of the order of its square.
     if (newton_step(edges, path) <= 1e-5 * path.length_m) break;
   }
   bool past_end = false;

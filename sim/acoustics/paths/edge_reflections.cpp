@@ -88,21 +88,21 @@ bool EdgeReflections::follow(glm::dvec3 from, int plane, glm::vec3 to, EndSegmen
   }
   const MirrorPlane& rounded = scene_.planes()[static_cast<std::size_t>(plane)];
   const ExactPlane mirror(rounded);
-  const double here = mirror.height(from), there = mirror.height(glm::dvec3(to));
-  if (!(here * there > 0)) return false;
+  const double from_height = mirror.height(from), to_height = mirror.height(glm::dvec3(to));
+  if (!(from_height * to_height > 0)) return false;
   const glm::dvec3 image = mirror.mirror(glm::dvec3(to));
-  if (!rounded.bounds_hold(from + here / (here + there) * (image - from))) return false;
+  if (!rounded.bounds_hold(from + from_height / (from_height + to_height) * (image - from))) return false;
   segment.toward = glm::normalize(image - from);
   const Hit hit = rays.intersect(glm::vec3(from), glm::vec3(segment.toward));
   if (!hit.valid() || scene_.plane_of_triangle()[hit.triangle] != static_cast<std::uint32_t>(plane)) return false;
   if (rays.occluded(offset_from_surface(hit.position, hit.normal), to)) return false;
   const std::uint32_t material = scene_.scene().mesh().triangle_material[hit.triangle];
-  bool any = false;
+  bool is_audible = false;
   for (int band = 0; band < scene_.num_bands(); ++band) {
     segment.pressure[band] = std::sqrt(double{scene_.reflectance(material)[band]} * (1.0 - scene_.scattering(material)[band]));
-    any = any || segment.pressure[band] > 0;
+    is_audible = is_audible || segment.pressure[band] > 0;
   }
-  return any;
+  return is_audible;
 }
 
 bool EdgeReflections::find_path(const EdgeSequence& sequence, EndPlanes planes, Arrival& arrival, int& image_path) const {
@@ -194,7 +194,7 @@ void EdgeReflections::describe(const EdgePath& path, EndPlanes planes, const End
 bool EdgeReflections::set_field(const EdgePath& path, const EdgePathField& field, bool joins_image, std::span<const double> gain,
                                 Arrival& arrival) const {
   const double distance_m = path.distance_m();
-  bool any = false;
+  bool is_audible = false;
   for (const EdgeBands& bands : bands_) {
     ComplexLanes ratio;
     if (!joins_image) {
@@ -211,10 +211,10 @@ bool EdgeReflections::set_field(const EdgePath& path, const EdgePathField& field
       const int band = bands.first + lane;
       arrival.amplitude[band] = static_cast<float>(gain[band]) * amplitude[lane];
       arrival.phase_rad[band] = phase[lane];
-      any = any || arrival.amplitude[band] > 0.f;
+      is_audible = is_audible || arrival.amplitude[band] > 0.f;
     }
   }
-  return any;
+  return is_audible;
 }
 
 void EdgeReflections::keep(const Arrival& arrival) {

@@ -50,7 +50,7 @@ class EdgeReflections {
   [[nodiscard]] glm::dvec3 image_of(glm::vec3 end, int plane) const;
   /// image_path: index of the image path that the wave belongs to; -1: it is a path of its own.
   bool find_path(const EdgeSequence& sequence, EndPlanes planes, Arrival& arrival, int& image_path) const;
-  /// Index of the image path by these planes alone; -1: there is none at this pose.
+  /// Index of the image path by these planes alone; -1: no such path at this pose.
   [[nodiscard]] int find_image_path(EndPlanes planes) const;
   /// How much the wave of a path counts in each band, by how near it is to its boundary; `wedge`: of its first edge.  False if nowhere.
   bool weigh_bands(const DiffractionEdge& first_edge, const FiniteWedge& wedge, bool joins_image, std::span<double> weight) const;

@@ -62,7 +62,7 @@ class FacingPlanes::Family {
  private:
   enum class LineStatus { whole, broken, degenerate };
   /// State of sampling an obstructed strip past kTracedBounces: the fraction that comes through is that of two paths out of each run of a
-  /// quarter more bounces.  What is wide across the strip blocks them all from some length on: the row ends with two runs of which nothing
+  /// quarter more bounces.  A wide obstacle blocks all of them from some length on: the row ends with two runs of which nothing
   /// is left.
   struct RunSample {
     int end = kTracedBounces;  ///< bounces at which the run ends
@@ -79,7 +79,7 @@ class FacingPlanes::Family {
   [[nodiscard]] double rise_of(int way, int n) const {
     return way * n * pair_.gap_m + (n % 2 == 0 ? source_m_ : pair_.gap_m - source_m_) - listener_m_;
   }
-  /// Follows the line across at one height; `product`: what its side planes keep.
+  /// Follows the line across at one height; `product`: energy that its side planes reflect.
   LineStatus trace_line(double height_m, BandFactors& product);
   /// The point of the line across after `to_go_m` of it.
   [[nodiscard]] glm::dvec3 place_on_line(double to_go_m) const;
@@ -206,9 +206,9 @@ bool FacingPlanes::Family::find_line_across() {
   for (std::size_t i = num_sides(), c = 1; i-- > 0; ++c) {
     const ExactPlane plane = side(i);
     const glm::dvec3 start = corner_[c - 1];
-    const double here = plane.height(start), there = plane.height(image);
-    if (!(here * there < 0)) return false;
-    corner_[c] = start + here / (here - there) * (image - start);
+    const double start_height = plane.height(start), image_height = plane.height(image);
+    if (!(start_height * image_height < 0)) return false;
+    corner_[c] = start + start_height / (start_height - image_height) * (image - start);
     image = plane.mirror(image);
     departure_ = plane.mirror_vector(departure_);
   }

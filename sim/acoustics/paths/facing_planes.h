@@ -39,7 +39,7 @@ class FacingPlanes {
   [[nodiscard]] bool empty() const { return pairs_.empty(); }
   [[nodiscard]] std::size_t size() const { return pairs_.size(); }
 
-  /// What a chain of mirrors has met so far, from either end.
+  /// Planes that a chain of mirrors has met so far, from either end.
   struct Chain {
     std::array<std::uint16_t, kMaxPairs> bounces{};  ///< on the planes of each pair
     std::array<std::uint8_t, kMaxPairs> sides{};     ///< on its side planes
@@ -73,8 +73,7 @@ class FacingPlanes {
 
   static constexpr int kTracedBounces = 12;
 
-  /// What decides which chains are carried, beside the scene, the source and image_order: few numbers, for keys of what the estimators left
-  /// out.
+  /// Settings that, besides the scene, the source and image_order, decide which chains are carried; part of cache keys.
   [[nodiscard]] std::vector<std::uint32_t> rule() const;
 
  private:

@@ -42,7 +42,7 @@ ComplexLanes owen_t(const Lanes& low, const Lanes& high, const ComplexLanes& tur
     if (k <= degree) moment[k] = down;
   }
   const Lanes half = 0.5f / (above * above);
-  // M_0 by the complementary error function: what is left of exp(j low^2) times the integral of exp(-j t^2) over the half line.
+  // M_0 by the complementary error function: the rest of exp(j low^2) times the integral of exp(-j t^2) over the half line.
   const ComplexLanes rest = (0.62665707f / above) * (turn - erfc);
   ComplexLanes up = {rest.real + rest.imag, rest.imag - rest.real};
   for (std::size_t k = 0;; ++k) {
@@ -151,7 +151,7 @@ ComplexLanes FiniteWedge::ratio(const WaveLanes& wave, double length_m, const Fa
     tail.turn = wave.turn(ends_[i].detour_m);
     tail.fresnel = (1.f / wave.root) * fresnel_tail(tail.erfc);
   }
-  // What the ends leave out of the endless edge; past an end, what is left between them.  Sums at each end, over all terms.
+  // The part of the endless edge beyond the ends; past an end, the part between them.  Sums at each end, over all terms.
   const std::array<const Lanes*, 4> face = {&faces.incidence, &faces.incidence, &faces.first, &faces.second};
   const Lanes scale = wave.root * static_cast<float>(std::sqrt(2.0 * length_m));
   ComplexLanes whole;

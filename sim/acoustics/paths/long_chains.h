@@ -19,7 +19,7 @@ class LongChains {
   [[nodiscard]] const FacingPlanes& facing() const { return facing_; }
   [[nodiscard]] const MirrorChains& mirrors() const { return mirrors_; }
 
-  /// What a chain of mirrors has met so far, from either end.
+  /// Planes that a chain of mirrors has met so far, from either end.
   struct Chain {
     FacingPlanes::Chain facing;
     MirrorChains::Chain mirrors;
@@ -42,7 +42,7 @@ class LongChains {
     mirrors_.add_late(scene, listener, histogram);
   }
 
-  /// What decides which chains are carried, beside the scene, the source and image_order: for keys of what the estimators left out.
+  /// Settings that, besides the scene, the source and image_order, decide which chains are carried; part of cache keys.
   [[nodiscard]] std::vector<std::uint32_t> rule() const {
     std::vector<std::uint32_t> numbers = facing_.rule();
     for (const std::uint32_t number : mirrors_.rule()) numbers.push_back(number);

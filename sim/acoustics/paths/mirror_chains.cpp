@@ -36,9 +36,9 @@ bool has_protruding_pair(const AcousticScene& scene, std::span<const ConvexPolyg
       const ExactPlane second(scene.planes()[j]);
       if (polygons[i].empty() || polygons[j].empty() || std::abs(glm::dot(first.normal, second.normal)) < kMinCosine) continue;
       if (glm::length(glm::cross(first.normal, second.normal)) <= FacingPlanes::kParallelSine) continue;
-      const double there = first.height(middle_of(polygons[j])), back = second.height(middle_of(polygons[i]));
-      if (!(there * first.height(glm::dvec3(source)) > 0 && back * second.height(glm::dvec3(source)) > 0)) continue;
-      const double gap_m = 0.5 * (std::abs(there) + std::abs(back));
+      const double forward_height = first.height(middle_of(polygons[j])), backward_height = second.height(middle_of(polygons[i]));
+      if (!(forward_height * first.height(glm::dvec3(source)) > 0 && backward_height * second.height(glm::dvec3(source)) > 0)) continue;
+      const double gap_m = 0.5 * (std::abs(forward_height) + std::abs(backward_height));
       if (gap_m < 1e-3 * scene.diagonal_m()) continue;
       if (!decay) decay.emplace(scene, source);
       if (decay->exceeded_by(scene.planes()[i].material, scene.planes()[j].material, gap_m)) return true;
@@ -180,9 +180,9 @@ bool MirrorChains::find_path(const AcousticScene& scene, std::uint32_t chain, gl
   // Where the straight lines to the images meet the planes; `at` is moved there.
   const auto step = [&](const Node& node, glm::dvec3& at) {
     const Mirror& mirror = mirrors_[node.plane];
-    const double here = mirror.plane.height(at), there = mirror.plane.height(node.image);
-    if (!(here * there < 0)) return false;
-    at += here / (here - there) * (node.image - at);
+    const double point_height = mirror.plane.height(at), image_height = mirror.plane.height(node.image);
+    if (!(point_height * image_height < 0)) return false;
+    at += point_height / (point_height - image_height) * (node.image - at);
     return mirror.rounded.bounds_hold(at);
   };
   glm::dvec3 at(listener);

@@ -29,13 +29,13 @@ class MirrorChains {
  public:
   static constexpr std::size_t kMaxChains = 4096, kFewChains = 512;  ///< few: with fewer than 512 rays
 
-  /// About 20 us per chain, and 64 rays; nothing more where there are no such planes.
+  /// About 20 us per chain, and 64 rays; nothing more without such planes.
   MirrorChains(const AcousticScene& scene, const SoundSource& source, const FacingPlanes& facing);
 
   [[nodiscard]] bool empty() const { return keys_.empty(); }
   [[nodiscard]] std::size_t size() const { return keys_.size(); }
 
-  /// What a chain of mirrors has met so far, as one number for either order: a polynomial in 2^64, whose terms are its planes.
+  /// Planes that a chain of mirrors has met so far, as one number for either order: a polynomial in 2^64, whose terms are its planes.
   struct Chain {
     std::uint64_t from_source = 0, power = 1;  ///< if the planes came in the order from the source
     std::uint64_t from_listener = 0;           ///< if they came in the order from the listener

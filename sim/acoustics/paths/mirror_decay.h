@@ -18,7 +18,7 @@ inline double specular_fraction(const AcousticScene& scene, std::uint32_t materi
 /// The decay of the diffuse field about a source, with which long chains of mirrors are compared.
 class DiffuseDecay {
  public:
-  /// 64 rays from the source tell how open the scene is: what meets nothing is lost.
+  /// 64 rays from the source measure how open the scene is: energy of rays that escape is lost.
   DiffuseDecay(const AcousticScene& scene, glm::vec3 source);
 
   /// Do reflections between two materials `gap_m` apart stand out by a decibel where the diffuse field has fallen by 35 dB, the end of T30?

@@ -68,8 +68,8 @@ PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 im
 
 ComplexLanes PanelReflection::pressure_factor(const Lanes& wavenumber) const {
   constexpr auto pi = static_cast<float>(std::numbers::pi);
-  const ComplexLanes one = {all_lanes(1.f), {}};
-  std::array<ComplexLanes, 2> inside = {one, one};
+  const ComplexLanes unit = {all_lanes(1.f), {}};
+  std::array<ComplexLanes, 2> inside = {unit, unit};
   for (std::size_t side = 0; side < 4; ++side) {
     if (detour_m_[side] == kEndless) continue;
     const Lanes long_phase = wavenumber * static_cast<float>(detour_m_[side]);

@@ -22,8 +22,8 @@ class PanelReflection {
   PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at, double longest_wave_m);
   /// Does any edge matter?  Otherwise the fraction is 1.
   [[nodiscard]] bool finite() const { return finite_; }
-  /// What an endless panel's energy is multiplied by, the mean of three frequencies of an octave about `wavenumber`, in [0, 4], and the
-  /// phase at its centre; eight bands at once.
+  /// Energy of a finite panel relative to an endless one, in [0, 4], the mean of three frequencies of an octave around `wavenumber`, and
+  /// the phase at its centre; eight bands at once.
   struct Factor {
     Lanes energy, phase_rad;
   };

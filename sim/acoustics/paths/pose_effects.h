@@ -22,7 +22,7 @@ struct EffectCounters {
   void add(const EffectCounters& other);
 };
 
-/// What is computed at a pose.
+/// Effects computed at a pose.
 struct PoseEffects {
   bool in_sight = false, transmission = false, diffraction = false;
 };

@@ -27,12 +27,12 @@ bool add_wall(const AcousticScene& scene, const WallCrossing& crossing, Walls& w
   walls.inside_m += crossing.inside_m;
   walls.extra_path_m += extra_path_m(scene.surfaces(), crossing);
   const auto tau = scene.transmission(crossing.material), damping = scene.damping_db_per_m(crossing.material);
-  bool any = false;
+  bool is_audible = false;
   for (std::size_t band = 0; band < tau.size(); ++band) {
     walls.gain_db[band] += 10.0 * std::log10(double{tau[band]}) - double{damping[band]} * crossing.inside_m;  // tau = 0: minus infinity
-    any = any || walls.gain_db[band] >= kSilentTransmissionDb;
+    is_audible = is_audible || walls.gain_db[band] >= kSilentTransmissionDb;
   }
-  return any;
+  return is_audible;
 }
 
 /// All walls between two points.  False if no sound passes.

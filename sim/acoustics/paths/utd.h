@@ -14,7 +14,7 @@ namespace earshot {
 /// u = sqrt(x).  Convention exp(+j w t).
 ComplexLanes scaled_erfc(const Lanes& u);
 
-/// What the faces of a wedge leave of the terms of its diffracted field, pressure factors in [0, 1] per band.
+/// Pressure factors of a wedge's faces on the terms of its diffracted field, in [0, 1] per band.
 struct FaceFactorLanes {
   Lanes first{}, second{};  ///< reflection: of the terms that make up for reflections which end (Luebbers 1984, IEEE Trans. AP 32, 70-76)
   Lanes incidence{};        ///< 1 - sqrt(tau): of the jump of the sound past the edge, which passes the wedge as sqrt(tau) (Babinet)

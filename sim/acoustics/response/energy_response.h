@@ -22,7 +22,7 @@ class SourceField;
 struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
   EnergyHistogram late;
-  std::vector<Arrival> scattered;  ///< what panels scatter instead of reflecting; part of `late`
+  std::vector<Arrival> scattered;  ///< energy that panels scatter instead of reflecting; part of `late`
   TraceStats stats;
   EffectCounters effects;            ///< of this pose
   LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer
@@ -32,7 +32,7 @@ struct EnergyResponse {
 
 /// Energy response of (scene, source, listener).  A pure function of its arguments and the config: the same pose gives the same bits
 /// at any time, on any thread and in any worker.  Throws InputError if `listener` is not finite or further out than kMaxCoordinateM
-/// (sim/base/coordinates.h). What is not finite inside is dropped where it arises and counted in stats.nonfinite_dropped: nothing that
+/// (sim/base/coordinates.h). A non-finite value inside is dropped where it arises and counted in stats.nonfinite_dropped: nothing that
 /// leaves is NaN or infinite. Reuses the storage of `response`, and the rays of a listener that has not moved since the response before
 /// (listener_paths.h: a source that moves costs half as much then); no allocation once warm (single-threaded config, listener-rooted). The
 /// late field is that of trace_bidirectional if config has source_rays or a specular_exponent, else of trace_late. progress: see

@@ -45,7 +45,7 @@ std::string shown(glm::dvec3 p) { return fmt::format("{:.6g},{:.6g},{:.6g}", p.x
 /// How a place may have been meant that lies outside the bounds: in another unit, or with z up.
 std::string suggestion(const Scene& scene, glm::dvec3 world) {
   struct Reading {
-    const char* how;
+    const char* unit_name;
     double factor;
     bool is_z_up;
   };
@@ -57,10 +57,10 @@ std::string suggestion(const Scene& scene, glm::dvec3 world) {
                                              {"in centimetres with z up", 0.01, true}}};
   if (is_within(scene.bounds(), scene.to_local(world))) return {};
   const Bounds middle{scene.bounds().lower + kFromWallsM, scene.bounds().upper - kFromWallsM};
-  for (const auto& [how, factor, is_z_up] : readings) {
+  for (const auto& [unit_name, factor, is_z_up] : readings) {
     const glm::dvec3 meant = factor * (is_z_up ? glm::dvec3(world.x, world.z, -world.y) : world);
     if (is_within(middle, scene.to_local(meant)))
-      return fmt::format(" (if it was meant {}, it is {}, inside the scene)", how, shown(meant));
+      return fmt::format(" (if it was meant {}, it is {}, inside the scene)", unit_name, shown(meant));
   }
   return {};
 }

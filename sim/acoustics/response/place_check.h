@@ -29,7 +29,8 @@ class PlaceCheck {
 
   /// Throws InputError where no sound can get from one place to the other and one of them lies outside of surfaces that are closed around
   /// the other: wrong coordinates, unit or axis.  Otherwise what may be wrong, one line each: a place outside that may hear through walls
-  /// alone, two places outside a closed room.  A place inside a solid thing (position_check.h) is no error.  Cost: three rays where both
+  /// alone, two places outside a closed room.  A position inside a solid object (position_check.h) is not an error.  Cost: three rays where
+  /// both
   /// places are in sight of those of the call before, as along a walk or among listeners of a room; else air_connection.h.
   [[nodiscard]] std::vector<std::string> check(const NamedPlace& source, const NamedPlace& listener) const;
   /// A line if the place lies inside a wall or a thing.  About 0.1 s for 150,000 triangles on the first call.

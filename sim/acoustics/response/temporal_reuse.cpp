@@ -72,7 +72,7 @@ bool TemporalReuse::continues(const Place& place, const EnergyHistogram& late) c
 double TemporalReuse::choose_weight(double drift_db) const {
   const double least =
       std::max({double{config_.least_weight}, past_variance_ / (1 + past_variance_), drift_db / (drift_db + config_.max_bias_db)});
-  // Before the noise is known, what a few rays leave in a room: of the order of one dB (docs/explanation/estimators.md, section 10).
+  // Before the noise is measured, a typical value for a few rays in a room: about one dB (docs/explanation/estimators.md, section 10).
   const double noise_db2 = levels_ < kLevelsForNoise ? 1.0 : noise_db2_;
   const auto cost = [&](double a) { return std::pow(drift_db * (1 - a) / a, 2) + noise_db2 * a / (2 - a); };
   double best = least;

@@ -67,10 +67,10 @@ Walk walk_to_probe(const AcousticScene& scene, glm::vec3 source, std::uint32_t p
 /// the cells, so spread over all rooms.  Walks stay where they begin: their probes know nothing of rooms behind a few doors.
 std::vector<glm::vec3> spread_probes(const FieldGrid& grid, const FieldSmoothing& smoothing, glm::vec3 source) {
   std::array<FieldGrid::CellWeight, 8> around;
-  std::vector<bool> own(grid.size(), false);
+  std::vector<bool> is_source_cell(grid.size(), false);
   const std::size_t count = grid.blend(source, around);
-  for (std::size_t i = 0; i < count; ++i) own[around[i].cell] = true;
-  const std::vector<std::uint32_t> cells = smoothing.reachable(own);
+  for (std::size_t i = 0; i < count; ++i) is_source_cell[around[i].cell] = true;
+  const std::vector<std::uint32_t> cells = smoothing.reachable(is_source_cell);
   double volume_m3 = 0, before_m3 = 0;
   for (const std::uint32_t cell : cells) volume_m3 += double{grid.volume_m3(cell)};
   std::vector<glm::vec3> places;
@@ -109,7 +109,7 @@ FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source)
 
 /// With which weights each probe reads the cells, for every number of sweeps.
 void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places) {
-  tally_of_cell_.assign(grid.size(), FieldGrid::none);
+  tally_of_cell_.assign(grid.size(), FieldGrid::no_cell);
   std::vector<float> weights(grid.size() * kProbes, 0.f), spare;
   std::vector<bool> read(grid.size(), false);
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
@@ -137,7 +137,7 @@ void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoo
       std::vector<Reader>& readers = readers_.emplace_back();
       for (std::size_t i = 0; i < count; ++i) {
         std::uint32_t& tally = tally_of_cell_[order[i].second];
-        if (tally == FieldGrid::none) {
+        if (tally == FieldGrid::no_cell) {
           tally = static_cast<std::uint32_t>(energy_.size());
           energy_.emplace_back();
         }
@@ -214,16 +214,16 @@ double FieldProbes::t20_error() const {
         whole[bin] = 0;
         for (std::uint32_t batch = 0; batch < kBatches; ++batch) whole[bin] += at(batch, bin);
       }
-      std::array<std::optional<double>, kBatches> without;
+      std::array<std::optional<double>, kBatches> t20_without_batch;
       for (std::uint32_t batch = 0; batch < kBatches; ++batch) {
         for (std::size_t bin = 0; bin < bins; ++bin)
           rest[bin] = std::max(whole[bin] - at(batch, bin), 0.0) * std::exp(-air_per_s * (static_cast<double>(bin) + 0.5) * bin_s);
-        without[batch] = measure_band(rest, bin_s, 0.0).t20_s;
+        t20_without_batch[batch] = measure_band(rest, bin_s, 0.0).t20_s;
       }
-      const std::optional<double> error = jackknife_error(without);
+      const std::optional<double> error = jackknife_error(t20_without_batch);
       if (!error) continue;
       double mean = 0;
-      for (const std::optional<double>& value : without) mean += *value / kBatches;
+      for (const std::optional<double>& value : t20_without_batch) mean += *value / kBatches;
       if (!(mean > 0)) continue;
       sum += *error / mean;
       ++count;
@@ -236,18 +236,18 @@ bool FieldProbes::read_factors(std::uint32_t probe, const SmoothingCorrection& c
                                std::vector<double>& factors) const {
   factors.assign(static_cast<std::size_t>(num_bins_) * stride_, 0.0);
   std::array<float, kMaxBands> of_cell{};
-  bool any = false;
+  bool is_corrected = false;
   for (std::size_t bin = 0; bin < static_cast<std::size_t>(num_bins_); ++bin) {
     const std::size_t merged = bins.merged_bin_of(bin * kBinsPerProbeBin);
     for (const FieldGrid::CellWeight& around : around_[probe]) {
       correction.factors(around.cell, std::min(merged, bins.size() - 1), of_cell);
       for (std::size_t b = 0; b < stride_; ++b) {
         factors[bin * stride_ + b] += double{around.weight} * double{of_cell[b]};
-        any = any || of_cell[b] != 1.f;
+        is_corrected = is_corrected || of_cell[b] != 1.f;
       }
     }
   }
-  return any;
+  return is_corrected;
 }
 
 double FieldProbes::t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const {

@@ -31,20 +31,20 @@ class FieldProbes {
 
   /// Energy [padded bands] times a length, that belongs to a cell at a path length.
   void add(std::uint32_t cell, float path_m, const float* energy, float length_m, std::uint32_t batch) {
-    if (tally_of_cell_[cell] != FieldGrid::none) add_to_tally(tally_of_cell_[cell], path_m, energy, length_m, batch);
+    if (tally_of_cell_[cell] != FieldGrid::no_cell) add_to_tally(tally_of_cell_[cell], path_m, energy, length_m, batch);
   }
   /// Prefetches the memory that add() of the same will change: the first line of it, which holds 16 bands.
   void fetch(std::uint32_t cell, float path_m, std::uint32_t batch) const {
     const std::uint32_t tally = tally_of_cell_[cell];
     const float position = path_m * bins_per_m_;
-    if (tally == FieldGrid::none || energy_[tally].empty() || !(position < static_cast<float>(num_bins_))) return;
+    if (tally == FieldGrid::no_cell || energy_[tally].empty() || !(position < static_cast<float>(num_bins_))) return;
     __builtin_prefetch(&energy_[tally][(batch * static_cast<std::size_t>(num_bins_) + static_cast<std::size_t>(position)) * stride_], 1);
   }
   /// Relative standard error of T20 by the jackknife over batches, mean over bands that have one and over probes where sound is no more
   /// than 23 dB below its mean; 1 if none has.
   [[nodiscard]] double t20_error() const;
-  /// Relative error of T20 beside that, from the blur of smoothing and cells: what the correction changes in the mean over bands, at nine
-  /// of ten of the same probes at most, since of what it finds about as much again is left.  0 where it finds nothing.
+  /// Second term of the relative error of T20, from the blur of smoothing and cells: the 90th percentile over the probes of the change by
+  /// the correction, averaged over bands, because about as much error again remains.  0 without a correction.
   [[nodiscard]] double t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const;
 
  private:

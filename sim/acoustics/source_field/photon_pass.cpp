@@ -27,7 +27,7 @@ constexpr double kPhotonTaper = 3e-3, kPhotonUneven = 0.85;
 /// A photon under way.
 template <int W>
 struct Photon : RayState<W> {
-  std::uint32_t cell = FieldGrid::none;  ///< that holds its origin; none where that is not known
+  std::uint32_t cell = FieldGrid::no_cell;  ///< that holds its origin; no_cell if unknown
 };
 
 /// Do image paths, flutter echoes, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
@@ -52,7 +52,7 @@ void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float
       const glm::vec3 before = photon.direction;
       listener_ray::leave_vertex<W>(trace, photon, random, stats);
       if (!photon.alive) return;
-      if (photon.direction == before) photon.cell = FieldGrid::none;  // through a wall
+      if (photon.direction == before) photon.cell = FieldGrid::no_cell;  // through a wall
     }
     const Hit hit = scene.scene().rays().intersect(photon.origin, photon.direction);
     ++(hit.valid() ? stats.ray_hits : stats.ray_escapes);
@@ -69,7 +69,7 @@ void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float
         return;
       }
     } else {
-      photon.cell = FieldGrid::none;
+      photon.cell = FieldGrid::no_cell;
     }
     photon.path_m += hit.distance_m;
     photon.alive = hit.valid() && photon.bounces < trace.max_bounces && photon.path_m < trace.max_path_m;

@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// What the photons of a chunk did, in the order in which they did it.
+/// Contributions of the photons of a chunk, in the order in which they arose.
 struct PhotonTracks {
   /// A straight segment through the air, after the direct sound and beside image paths.
   struct Segment {

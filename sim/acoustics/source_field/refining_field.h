@@ -7,9 +7,9 @@
 
 namespace earshot {
 
-/// A source field that a thread of its own refines in the background, for callers that render before the target is met.  The bits of
-/// snapshot n are fixed (SourceFieldBuilder), only the moment when it is there is not: with a schedule of snapshots, and wait_for, what is
-/// heard is reproducible; with latest() it depends on the machine.
+/// A source field that its own thread refines in the background, for callers that render before the target is met.  The bits of
+/// snapshot n are fixed (SourceFieldBuilder), only the moment when it is there is not: with a schedule of snapshots and wait_for, the sound
+/// is reproducible; with latest() it depends on the machine.
 class RefiningField {
  public:
   /// Starts at once.  Both must outlive this.

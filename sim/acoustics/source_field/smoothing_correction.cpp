@@ -13,7 +13,7 @@ namespace {
 
 /// A window is cut into parts, whose scatter says how noisy it is: at least so many, of so many bins each.
 constexpr std::size_t kParts = 4, kBinsPerPart = 2;
-/// Later windows are this fraction of the time gone by: what passes between rooms changes with time as slowly as decays do.
+/// Later windows are this fraction of the elapsed time: the exchange between rooms changes as slowly as decays do.
 constexpr double kWindowOfTime = 1.0 / 3;
 /// Sweeps of the energy that is taken as sharp.  One leaves a sixth of the variance of the noise.
 constexpr int kSharp = 1;
@@ -22,7 +22,8 @@ constexpr double kNoise = 3;
 /// No factor leaves [1 / kMost, kMost].
 constexpr double kMost = 10;
 constexpr double kMinRatio = 0.05;
-/// Nothing is known better than this, relative: floats.  Their squares are none below the other, a fraction of the energy of all cells.
+/// Relative precision of floats, a lower limit of every error.  The other constant is a lower limit of energies, as a fraction of the
+/// energy of all cells.
 constexpr double kRounding = 1e-6;
 constexpr float kMinEnergy = 1e-14f;
 
@@ -83,14 +84,14 @@ void SmoothingCorrection::find_windows(std::span<const int> sweeps) {
     for (; merged < sweeps.size() && bins_.first_bin(merged) < end; ++merged)
       if (bins_.first_bin(merged) >= bins_.first_bin(window.units.back()) + kBinsPerPart) window.units.push_back(merged);
     window.units.push_back(merged);
-    if (window.units.size() <= kParts) break;  // what is left at the end belongs to the window before
+    if (window.units.size() <= kParts) break;  // the rest at the end belongs to the previous window
     nodes_.push_back(0.5 * static_cast<double>(first + bins_.first_bin(merged)));
     windows_.push_back(std::move(window));
   }
   if (windows_.empty()) nodes_.clear();
 }
 
-/// What a window misses in every cell and band, and how well that is known.
+/// Bias of a window in every cell and band, with its standard error.
 void SmoothingCorrection::measure(const FieldSmoothing& smoothing, const Window& window, const std::vector<std::uint32_t>& active,
                                   const RawEnergy& raw) {
   const std::size_t parts = window.units.size() - 1, width = parts * stride_;

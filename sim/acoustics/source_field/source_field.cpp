@@ -111,7 +111,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
   }
 }
 
-/// Part of the key: stored fields are built anew once photons or cells give other bits.  To be raised with every such change.
+/// Part of the key: stored fields are built anew once photons or cells give other bits.  Raise it with every change of these bits.
 constexpr std::uint32_t kPassVersion = 14;
 
 FieldHeader header_of(std::span<const std::byte> image) {
@@ -168,7 +168,7 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
 SourceField::SourceField(const AcousticScene& scene, const EarlyCandidates& candidates, std::span<const std::byte> image,
                          std::shared_ptr<const void> owner)
     : image_(image), owner_(std::move(owner)), long_chains_(candidates.long_chains()) {
-  const auto refuse = [](std::string_view what) { throw InputError("source field", what, "delete the file; it is built again"); };
+  const auto refuse = [](std::string_view problem) { throw InputError("source field", problem, "delete the file; it is built again"); };
   static_assert(sizeof(FieldHeader) % alignof(FieldEntry) == 0);
   if (image.size() < sizeof(FieldHeader)) refuse("is truncated");
   if (reinterpret_cast<std::uintptr_t>(image.data()) % alignof(FieldEntry) != 0) refuse("is not aligned to 8 bytes");

@@ -40,14 +40,14 @@ class SourceField {
   [[nodiscard]] std::uint64_t photons() const;
   /// Photons that were ended because they carried something that was not finite.
   [[nodiscard]] std::uint64_t nonfinite_dropped() const;
-  /// Relative error of T20, one standard error, over bands and probe positions: what the photons leave in the mean, and what the blur of
-  /// cells and smoothing leaves at nine of ten positions (FieldProbes::t20_blur), root of the sum of squares.
+  /// Relative error of T20, one standard error, over bands and probe positions: the mean noise of the photons and the 90th percentile of
+  /// the blur of cells and smoothing (FieldProbes::t20_blur), combined as root of the sum of squares.
   [[nodiscard]] double t20_error() const;
 
  private:
   std::span<const std::byte> image_;
   std::shared_ptr<const void> owner_;
-  std::shared_ptr<const LongChains> long_chains_;  ///< of the source; null where there are none
+  std::shared_ptr<const LongChains> long_chains_;  ///< of the source; null without any
 };
 
 /// Identity of a field: hash of everything that decides its bits (scene, config, source position, pattern, orientation, radius).
@@ -65,7 +65,7 @@ class SourceFieldBuilder {
   /// Adds photons: the first call 512, later ones what the error needs, an eighth more to four times as many.  False, and nothing done,
   /// if the error target is met or the photons are spent.
   bool refine();
-  /// What the photons so far leave, which is what more of them lower; the snapshot's own error holds the blur too.
+  /// Noise of the photons so far, which more photons lower; the error of the snapshot includes the blur too.
   [[nodiscard]] double t20_error() const;
   [[nodiscard]] std::uint64_t photons() const;
   [[nodiscard]] std::shared_ptr<const SourceField> snapshot() const;

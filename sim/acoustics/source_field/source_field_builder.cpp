@@ -41,19 +41,20 @@ void add_scaled(const float* from, float factor, std::size_t count, float* to) {
 }  // namespace
 
 struct SourceFieldBuilder::Impl {
-  Impl(const AcousticScene& in, const EarlyCandidates& of) : Impl(in, of, make_histogram(in)) {}
+  Impl(const AcousticScene& acoustic_scene, const EarlyCandidates& early_candidates)
+      : Impl(acoustic_scene, early_candidates, make_histogram(acoustic_scene)) {}
 
-  Impl(const AcousticScene& in, const EarlyCandidates& of, const EnergyHistogram& shape)
-      : scene(in),
-        candidates(of),
-        grid(in.field_grid()),
-        probes(in, of.source()),
-        bins(field_bins(in, shape.num_bins())),
+  Impl(const AcousticScene& acoustic_scene, const EarlyCandidates& early_candidates, const EnergyHistogram& shape)
+      : scene(acoustic_scene),
+        candidates(early_candidates),
+        grid(acoustic_scene.field_grid()),
+        probes(acoustic_scene, early_candidates.source()),
+        bins(field_bins(acoustic_scene, shape.num_bins())),
         num_bins(shape.num_bins()),
         num_coefficients(shape.num_coefficients()),
         bin_s(shape.bin_s()),
         history(grid.size()) {
-    stride = static_cast<std::size_t>(in.padded_bands());
+    stride = static_cast<std::size_t>(acoustic_scene.padded_bands());
     row = static_cast<std::size_t>(num_coefficients) * stride;
   }
 
@@ -69,9 +70,9 @@ struct SourceFieldBuilder::Impl {
     if (merged >= bins.fine() || from_centre <= 0 || from_centre >= static_cast<float>(bins.fine() - 1))
       return add_scaled(weighted, length_m, row, &rows[merged * row]);
     const float bin = std::floor(from_centre), to_next = from_centre - bin;
-    float* here = &rows[static_cast<std::size_t>(bin) * row];
-    add_scaled(weighted, length_m * (1.f - to_next), row, here);
-    if (to_next > 0) add_scaled(weighted, length_m * to_next, row, here + row);
+    float* bin_row = &rows[static_cast<std::size_t>(bin) * row];
+    add_scaled(weighted, length_m * (1.f - to_next), row, bin_row);
+    if (to_next > 0) add_scaled(weighted, length_m * to_next, row, bin_row + row);
   }
 
   /// Prefetches the memory that a segment's energy will be added to: its cells lie megabytes apart.
@@ -150,8 +151,8 @@ struct SourceFieldBuilder::Impl {
 
   [[nodiscard]] std::uint64_t photons() const { return rounds * kPhotonsPerRound; }
 
-  /// Air once, here: path length is c t (docs/explanation/effect_bounds.md, section 2).  factor: [padded bands], what air leaves of energy
-  /// in this merged bin.
+  /// Air once, here: path length is c t (docs/explanation/effect_bounds.md, section 2).  factor: [padded bands], energy after air
+  /// absorption in this merged bin.
   void air_at(std::size_t merged, std::span<double> factor) const {
     const double path_m = bins.middle(merged) * bin_s * scene.speed_of_sound_m_per_s();
     std::fill(factor.begin(), factor.end(), 0.0);
@@ -205,7 +206,7 @@ struct SourceFieldBuilder::Impl {
     image.blur = probes.t20_blur(correction, bins);
     // Bin by bin: all cells of one stay in the second cache.
     for (std::size_t merged = 0; merged < bins.size(); ++merged) {
-      bool any = false;
+      bool has_energy = false;
       for (std::size_t rank = 0; rank < active.size(); ++rank) {
         const std::uint32_t cell = active[rank];
         if (rank + kCellsAhead < active.size()) {
@@ -221,10 +222,10 @@ struct SourceFieldBuilder::Impl {
             const double* sum = &folded[cell][merged * row];
             for (std::size_t i = 0; i < row; ++i) to[i] = static_cast<float>(sum[i] + double{to[i]});
           }
-          any = any || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
+          has_energy = has_energy || std::any_of(to, to + stride, [](float value) { return value != 0.f; });
         }
       }
-      if (!any) continue;
+      if (!has_energy) continue;
       smoothing.sweep(probes.sweeps_at(bins.middle(merged) * bin_s), row, active, rows, spare);
       air_at(merged, air);
       for (const std::uint32_t cell : active) {
@@ -271,20 +272,20 @@ SourceFieldBuilder::SourceFieldBuilder(SourceFieldBuilder&&) noexcept = default;
 
 bool SourceFieldBuilder::refine() {
   const FlushDenormals flush;
-  Impl& in = *impl_;
-  const AcousticConfig& config = in.scene.config();
+  Impl& acoustic_scene = *impl_;
+  const AcousticConfig& config = acoustic_scene.scene.config();
   const auto most =
       static_cast<std::uint32_t>(std::max<std::uint64_t>(static_cast<std::uint64_t>(config.field_photons) / kPhotonsPerRound, 1));
-  if (in.rounds >= most || (in.rounds > 0 && in.t20_error <= double{config.field_error})) return false;
+  if (acoustic_scene.rounds >= most || (acoustic_scene.rounds > 0 && acoustic_scene.t20_error <= double{config.field_error})) return false;
   std::uint32_t add = 1;
-  if (in.rounds > 0) {
+  if (acoustic_scene.rounds > 0) {
     // The error falls as the root of the photons: as many as that needs, but between an eighth more and four times as many.
-    const double ratio = in.t20_error / config.field_error;
-    const double wanted = in.rounds * std::clamp(ratio * ratio, 1.125, 4.0);
-    add = std::max(1u, static_cast<std::uint32_t>(std::ceil(wanted)) - in.rounds);
+    const double ratio = acoustic_scene.t20_error / config.field_error;
+    const double wanted = acoustic_scene.rounds * std::clamp(ratio * ratio, 1.125, 4.0);
+    add = std::max(1u, static_cast<std::uint32_t>(std::ceil(wanted)) - acoustic_scene.rounds);
   }
-  for (const std::uint32_t end = std::min(in.rounds + add, most); in.rounds < end;) in.trace_round();
-  in.t20_error = in.probes.t20_error();
+  for (const std::uint32_t end = std::min(acoustic_scene.rounds + add, most); acoustic_scene.rounds < end;) acoustic_scene.trace_round();
+  acoustic_scene.t20_error = acoustic_scene.probes.t20_error();
   return true;
 }
 
@@ -293,28 +294,29 @@ std::uint64_t SourceFieldBuilder::photons() const { return impl_->photons(); }
 
 std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   const FlushDenormals flush;
-  const Impl& in = *impl_;
-  const Impl::FieldImage finished = in.finish();
+  const Impl& acoustic_scene = *impl_;
+  const Impl::FieldImage finished = acoustic_scene.finish();
   const std::vector<Impl::CellImage>& cells = finished.cells;
   std::vector<FieldEntry> entries(cells.size());
   std::uint64_t num_values = 0;
   for (std::size_t i = 0; i < entries.size(); ++i) {
     if (cells[i].values.empty()) continue;
-    entries[i] = {.first = cells[i].first, .count = static_cast<std::uint32_t>(cells[i].values.size() / in.row), .offset = num_values};
+    entries[i] = {
+        .first = cells[i].first, .count = static_cast<std::uint32_t>(cells[i].values.size() / acoustic_scene.row), .offset = num_values};
     num_values += cells[i].values.size();
   }
   FieldHeader header;
-  header.key = source_field_key(in.scene, in.candidates);
+  header.key = source_field_key(acoustic_scene.scene, acoustic_scene.candidates);
   header.bytes = sizeof header + entries.size() * sizeof(FieldEntry) + num_values * sizeof(FieldValue);
-  header.photons = in.photons();
+  header.photons = acoustic_scene.photons();
   header.num_values = num_values;
   header.num_cells = static_cast<std::uint32_t>(entries.size());
-  header.num_bins = static_cast<std::uint32_t>(in.num_bins);
-  header.num_coefficients = static_cast<std::uint32_t>(in.num_coefficients);
-  header.padded_bands = static_cast<std::uint32_t>(in.stride);
-  header.bin_s = double{in.bin_s};
-  header.t20_error = std::hypot(in.t20_error, finished.blur);
-  header.nonfinite_dropped = in.nonfinite_dropped;
+  header.num_bins = static_cast<std::uint32_t>(acoustic_scene.num_bins);
+  header.num_coefficients = static_cast<std::uint32_t>(acoustic_scene.num_coefficients);
+  header.padded_bands = static_cast<std::uint32_t>(acoustic_scene.stride);
+  header.bin_s = double{acoustic_scene.bin_s};
+  header.t20_error = std::hypot(acoustic_scene.t20_error, finished.blur);
+  header.nonfinite_dropped = acoustic_scene.nonfinite_dropped;
 
   const auto image = std::make_shared<std::vector<std::byte>>(header.bytes);
   std::byte* to = image->data();
@@ -322,7 +324,7 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   append(std::as_bytes(std::span(&header, 1)));
   append(std::as_bytes(std::span(entries)));
   for (const Impl::CellImage& cell : cells) append(std::as_bytes(std::span(cell.values)));
-  return std::make_shared<const SourceField>(in.scene, in.candidates, *image, image);
+  return std::make_shared<const SourceField>(acoustic_scene.scene, acoustic_scene.candidates, *image, image);
 }
 
 std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,

@@ -18,7 +18,7 @@ namespace {
 
 using Field = std::shared_ptr<const SourceField>;
 
-/// Ending of the file names.  What an image holds has a version of its own, which SourceField checks.
+/// Ending of the file names.  The content of an image has its own version, which SourceField checks.
 constexpr const char* kSuffix = "field";
 
 /// For another process that builds the same field: far longer than that takes, unless the process has been stopped.

@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// What the bands make of an arrival, per bin: gains with raised-cosine crossovers, and phases that go straight from one band centre's
+/// Spectrum of an arrival from its bands, per bin: gains with raised-cosine crossovers, and phases that go straight from one band centre's
 /// region to the next by the shorter way.  Phases of a multiple of pi are signs.  Owns scratch; no allocation after construction.
 class ArrivalSpectrum {
  public:

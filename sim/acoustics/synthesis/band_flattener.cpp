@@ -17,7 +17,7 @@ using Complex = std::complex<float>;
 constexpr double kWideWindow = 2.3, kNarrowWindow = 1.1;
 /// Keeps the local covariance invertible, relative to its mean.
 constexpr float kRegularization = 1e-3f;
-/// Of the narrow window, relative to the power of one channel; what a deep gap is raised by at most.
+/// Of the narrow window, relative to the power of one channel; largest gain of a deep gap.
 constexpr float kMinPower = 1e-6f;
 
 std::size_t last_bin(const BandFilters& filters, int band) {

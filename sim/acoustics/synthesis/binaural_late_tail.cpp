@@ -8,7 +8,7 @@
 namespace earshot {
 namespace {
 
-/// What one band brings to one segment.
+/// Contribution of one band to one segment.
 struct EarBand {
   Ramp left, shared, own;
   const float *part0, *part1;
@@ -35,9 +35,9 @@ void add_bands(int count, const EarBand& a, const EarBand& b, float* __restrict 
 /// A part of the power, which changes linearly.
 void add_part(int count, Ramp power, const EarBand& band, float* __restrict left, float* __restrict right) {
   for (int i = 0; i < count; ++i) {
-    const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * band.part0[i];
-    left[i] += band.left.at(i) * both;
-    right[i] += band.shared.at(i) * both + band.own.at(i) * (s * band.part1[i]);
+    const float s = std::sqrt(std::max(power.at(i), 0.f)), common = s * band.part0[i];
+    left[i] += band.left.at(i) * common;
+    right[i] += band.shared.at(i) * common + band.own.at(i) * (s * band.part1[i]);
   }
 }
 
@@ -45,9 +45,9 @@ void add_part(int count, Ramp power, const EarBand& band, float* __restrict left
 void add_fading(int count, Ramp power, const BinauralNoise::Mix& mix, const float* part0, const float* part1, float* __restrict left,
                 float* __restrict right) {
   for (int i = 0; i < count; ++i) {
-    const float s = std::sqrt(std::max(power.at(i), 0.f)), both = s * part0[i];
-    left[i] += mix.left * both;
-    right[i] += mix.shared * both + mix.own * (s * part1[i]);
+    const float s = std::sqrt(std::max(power.at(i), 0.f)), common = s * part0[i];
+    left[i] += mix.left * common;
+    right[i] += mix.shared * common + mix.own * (s * part1[i]);
   }
 }
 

@@ -66,20 +66,20 @@ void BinauralNoise::find_covariances(int band, const BandFilters& filters, const
     return sum / static_cast<double>(filters.num_bins() - 1);
   };
   const auto form = [&](std::size_t ear, std::size_t other_ear) {
-    const auto both = [&](std::size_t c, std::size_t d) { return gram(ear, other_ear, c, d) + gram(ear, other_ear, d, c); };
+    const auto symmetric = [&](std::size_t c, std::size_t d) { return gram(ear, other_ear, c, d) + gram(ear, other_ear, d, c); };
     // Beside what they have of channel 0, channels 1 to 3 hold d^2 = 1 - |m|^2 / 3 each.
-    const std::array<double, 3> own = {gram(ear, other_ear, 1, 1), gram(ear, other_ear, 2, 2), gram(ear, other_ear, 3, 3)};
-    const double diffuse = own[0] + own[1] + own[2];
+    const std::array<double, 3> diagonal = {gram(ear, other_ear, 1, 1), gram(ear, other_ear, 2, 2), gram(ear, other_ear, 3, 3)};
+    const double diffuse = diagonal[0] + diagonal[1] + diagonal[2];
     const std::array<double, 10> exact = {gram(ear, other_ear, 0, 0) + diffuse,
-                                          both(0, 1),
-                                          both(0, 2),
-                                          both(0, 3),
-                                          own[0] - diffuse / 3,
-                                          own[1] - diffuse / 3,
-                                          own[2] - diffuse / 3,
-                                          both(1, 2),
-                                          both(1, 3),
-                                          both(2, 3)};
+                                          symmetric(0, 1),
+                                          symmetric(0, 2),
+                                          symmetric(0, 3),
+                                          diagonal[0] - diffuse / 3,
+                                          diagonal[1] - diffuse / 3,
+                                          diagonal[2] - diffuse / 3,
+                                          symmetric(1, 2),
+                                          symmetric(1, 3),
+                                          symmetric(2, 3)};
     Form result;
     std::ranges::transform(exact, result.c.begin(), [](double value) { return static_cast<float>(value); });
     return result;
@@ -107,18 +107,18 @@ void BinauralNoise::make_noise(int band, int kind, const CarrierBank& carriers, 
     right += scale * std::norm(b);
     cross += scale * (a.real() * b.real() + a.imag() * b.imag());
   }
-  const double shared = left > 0 ? cross / left : 0.0, own = right - shared * cross;
+  const double shared = left > 0 ? cross / left : 0.0, residual = right - shared * cross;
   Band& of_band = bands_[static_cast<std::size_t>(band)];
   for (std::size_t k = 0; k < num_bins; ++k) ears[1][k] -= static_cast<float>(shared) * ears[0][k];
   if (kind == 0) {
     of_band.one_over_left = left > 0 ? static_cast<float>(1 / left) : 0.f;
-    of_band.one_over_own = own > 0 ? static_cast<float>(1 / own) : 0.f;
+    of_band.one_over_own = residual > 0 ? static_cast<float>(1 / residual) : 0.f;
   } else {
     // The powers of kind 0: one mixture serves all.
     const auto gain_to = [](double power, float one_over_wanted) {
       return power > 0 && one_over_wanted > 0.f ? static_cast<float>(1 / std::sqrt(power * static_cast<double>(one_over_wanted))) : 0.f;
     };
-    const float left_gain = gain_to(left, of_band.one_over_left), own_gain = gain_to(own, of_band.one_over_own);
+    const float left_gain = gain_to(left, of_band.one_over_left), own_gain = gain_to(residual, of_band.one_over_own);
     for (Complex& bin : ears[0]) bin *= left_gain;
     for (Complex& bin : ears[1]) bin *= own_gain;
   }

@@ -15,7 +15,8 @@
 namespace earshot {
 
 /// A late field as two ears hear it, made beforehand: for each band a pair of noises, with the covariance of the ears in a diffuse field
-/// (that of Hrtf::diffuse_decoder on four independent carriers), split into what the left ear hears and what the right ear hears beside it.
+/// (that of Hrtf::diffuse_decoder on four independent carriers), split into the noise of the left ear and the part of the right ear that is
+/// uncorrelated with it.
 /// A real 2 x 2 matrix on them gives the power at each ear and the correlation between them that the decoder gives to a field with a mean
 /// direction, in every band as a whole.  What it does not give is the time between the ears: within a band the spectrum, and over lag the
 /// correlation, keep the shapes that they have in a diffuse field.
@@ -26,7 +27,7 @@ class BinauralNoise {
   /// carriers: their first four channels.  Takes about 10 ms for each kind of half a second at 16 kHz, and the memory of those carriers.
   BinauralNoise(const CarrierBank& carriers, const BandLayout& bands, const Hrtf& hrtf);
 
-  /// part 0: the left ear; 1: what the right ear hears beside it, uncorrelated with part 0.  kind: of the carriers; all have the same
+  /// part 0: the left ear; 1: the part of the right ear that is uncorrelated with part 0.  kind: of the carriers; all have the same
   /// powers.
   [[nodiscard]] std::span<const float> loop(int band, int part, int kind = 0) const {
     const std::size_t row = (static_cast<std::size_t>(kind) * bands_.size() + static_cast<std::size_t>(band)) * 2;

@@ -37,7 +37,7 @@ BandLayout flattening_octaves(float sample_rate_hz, double shift) {
   octaves.edge_hz.push_back(static_cast<float>(1000.0 * std::pow(10.0, 0.3 * (shift - 5.5))));
   for (double upper = shift - 4.5;; upper += 1) {
     const double centre_hz = 1000.0 * std::pow(10.0, 0.3 * (upper - 0.5)), upper_hz = 1000.0 * std::pow(10.0, 0.3 * upper);
-    const bool last = upper_hz > 0.4 * static_cast<double>(sample_rate_hz);  // a sliver below half the rate is no band of its own
+    const bool last = upper_hz > 0.4 * static_cast<double>(sample_rate_hz);  // a narrow rest below half the rate is not a separate band
     octaves.centre_hz.push_back(static_cast<float>(centre_hz));
     octaves.edge_hz.push_back(last ? 0.5f * sample_rate_hz : static_cast<float>(upper_hz));
     if (last) return octaves;
@@ -81,7 +81,7 @@ struct Octaves {
       const std::size_t num_bins = channel.size(), used = low_only ? num_low_bins : num_bins;
       std::fill(sum.begin(), sum.end(), Complex{});
       for (int band = 0; band < count; ++band) flatteners[static_cast<std::size_t>(band)].add_to(c, sum);
-      if (low_only)  // what the octave above holds stays; beyond it, nothing changes
+      if (low_only)  // energy of the octave above stays; beyond it, nothing changes
         for (std::size_t k = 0; k < used; ++k) sum[k] += filters.weight(num_low, k) * channel[k];
       for (std::size_t k = 0; k < used; ++k) {
         const float size = std::abs(sum[k]), wanted = magnitude_of(k, num_bins);

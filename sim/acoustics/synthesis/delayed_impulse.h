@@ -19,7 +19,7 @@ struct SplitDelay {
 int arrival_fft_size(float sample_rate_hz);
 
 /// Adds the circular response to `target` with its sample `zero` at sample `at`: samples up to half a turn before `zero` lie before it.
-/// What falls outside of `target` is cut.
+/// Samples outside of `target` are cut.
 void add_circular(std::span<const float> response, int zero, std::int64_t at, std::span<float> target);
 
 /// A unit impulse after `delay_samples`, as a response renders the direct sound of a source for an omnidirectional microphone (before the

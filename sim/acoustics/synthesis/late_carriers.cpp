@@ -63,9 +63,9 @@ void LateCarriers::set(const CarrierKey& key, std::uint32_t stream, const LateEn
   const RandomStream random(seed_, Purpose::carrier, static_cast<std::uint32_t>(key.source), static_cast<std::uint32_t>(key.source >> 32),
                             kPlaces + 1);
   const auto shift = random.uniform4(2 * stream), other_shift = random.uniform4(2 * stream + 1);
-  const std::uint64_t own = mixed(seed_, key.source, stream);
+  const std::uint64_t stream_seed = mixed(seed_, key.source, stream);
   ahead_ = ahead;
-  cells_.assign(1, {own, static_cast<std::uint32_t>(own) & 3u, 0.f, 1.f});
+  cells_.assign(1, {stream_seed, static_cast<std::uint32_t>(stream_seed) & 3u, 0.f, 1.f});
   for (int axis = 0; axis < 3; ++axis) {
     const float cell_m = axis == 1 ? kCellHeightM : kCellM, border = kBorderM / cell_m;
     const auto draw = static_cast<std::uint32_t>(axis);

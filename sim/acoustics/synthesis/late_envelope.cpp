@@ -11,7 +11,7 @@ namespace {
 /// hear to -45 dB.  Bands that fall faster than the slowest one then cost less.
 constexpr double kInaudibleFraction = 1e-7;
 
-/// A merged bin that spreads over its own width, in float: most are such.  c: its harmonics.
+/// A merged bin that spreads over its own width, in float: the most frequent kind.  c: its harmonics.
 inline void set_whole(LateEnvelopeSample& sample, const float* c, bool has_moments, float per_width) {
   if (!(c[0] > 0.f && c[0] < 1e30f)) return;
   sample.density = c[0] * per_width;
@@ -64,8 +64,8 @@ void LateEnvelope::resize(const EnergyHistogram& energy) {
   sum_.resize(static_cast<std::size_t>(num_bands_) * static_cast<std::size_t>(energy.num_coefficients()));
 }
 
-/// A single bin's energy is spread by a hat that reaches the neighbours' centres.  Where the onset cuts the hat, what is left of it carries
-/// all.
+/// A single bin's energy is spread by a hat that reaches the neighbours' centres.  If the onset cuts the hat, the rest of the hat carries
+/// all energy.
 void LateEnvelope::cut_hats() {
   const auto first_sample = static_cast<std::int64_t>(std::ceil(onset_));
   for (int bin = 0; bin < num_bins_ && (bin - 0.5) * width_ < onset_; ++bin) {
@@ -84,7 +84,7 @@ void LateEnvelope::cut_hats() {
 /// The last bin that may reach into the response.
 int LateEnvelope::last_bin() const { return std::min(num_bins_ - 1, static_cast<int>(static_cast<double>(num_samples_) / width_ + 0.5)); }
 
-/// Bins before end_bin: what lies before the onset is carried to the first bin that has a hat behind it.
+/// Bins before end_bin: energy before the onset moves to the first bin with a hat after it.
 void LateEnvelope::set_bins_at_onset(const EnergyHistogram& energy, int end_bin) {
   const std::size_t coefficients = static_cast<std::size_t>(energy.num_coefficients()), stride = sum_.size();
   const int last = last_bin();

@@ -19,7 +19,7 @@ struct FirstOrderRamps {
   Ramp density, m1, m2, m3, d;
 };
 
-/// What one band brings to one segment.
+/// Contribution of one band to one segment.
 struct FirstOrderBand {
   FirstOrderRamps ramps;
   std::array<const float*, 4> carrier;

@@ -189,7 +189,7 @@ void PathGlider::add_present_paths(const DryBlock& dry, GlidingPaths& paths, boo
   }
 }
 
-/// Paths of the pose before that are no partner of a new one.
+/// Paths of the previous pose without a partner in the new one.
 void PathGlider::add_leaving_paths(const DryBlock& dry, const GlidingPaths& paths) {
   const Pose& before = paths.before_;
   const auto partners = std::span(paths.now_.partner).first(paths.now_.count);
@@ -229,7 +229,7 @@ const float* PathGlider::inverse(const Sum& sum, std::size_t channel) {
   if (!sum.any) return nullptr;
   for (std::size_t piece = 0; piece < pieces_; ++piece) {
     fft_.inverse(std::span(sum.spectrum).subspan((channel * num_pieces_ + piece) * num_bins_, num_bins_), piece_time_);
-    // What lies before holds the wrap-around (overlap-save).
+    // Earlier samples hold the wrap-around (overlap-save).
     std::copy_n(piece_time_.begin() + static_cast<std::ptrdiff_t>(num_taps_) - 1, hop(),
                 sum_time_.begin() + static_cast<std::ptrdiff_t>(piece * hop()));
   }

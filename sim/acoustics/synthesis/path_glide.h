@@ -31,7 +31,7 @@ class GlidingPaths {
     std::vector<std::uint64_t> identity;      ///< [path]
     std::vector<std::uint8_t> by_right;       ///< [path] 1: among the strongest without what the pose before adds
     std::vector<int> partner;                 ///< [path]: of the pose before; -1: none
-    std::vector<double> delay, slope;         ///< [path][channel]: samples, and by how much they grew per sample of the block before
+    std::vector<double> delay, slope;         ///< [path][channel]: samples, and their growth per sample of the previous block
     std::vector<std::complex<float>> filter;  ///< [path][channel][bin]
   };
   Pose now_, before_;
@@ -112,7 +112,7 @@ class PathGlider {
   std::vector<std::uint8_t> marked_, by_right_;  ///< of the last choose
   std::vector<float> energy_, taps_, line_, piece_time_, sum_time_;
   std::vector<std::complex<float>> spectrum_;     ///< [piece][bin], of line_
-  Sum resting_, from_, to_, entering_, leaving_;  ///< from_, to_: what glides, through the filters of the pose before and of the new one
+  Sum resting_, from_, to_, entering_, leaving_;  ///< from_, to_: gliding paths, through the filters of the previous and the new pose
 };
 
 }  // namespace earshot

@@ -159,7 +159,7 @@ struct RirSynthesizer::Scratch {
   std::optional<LateArray> array;
 };
 
-/// What one call renders.
+/// Arguments of one render call.
 struct RirSynthesizer::Pass {
   const EnergyResponse& response;
   const ListenerOrientation& orientation;
@@ -257,13 +257,13 @@ void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& 
 RirSynthesizer::FirstOrder RirSynthesizer::rotate_first_order(const ListenerOrientation& orientation, const LateSound& sound) {
   Scratch& scratch = *scratch_;
   const std::size_t num_samples = sound.sounding_;
-  const auto of = [&](const std::vector<float>& channel) { return std::span(channel).first(num_samples); };
+  const auto sounding = [&](const std::vector<float>& channel) { return std::span(channel).first(num_samples); };
   if (!orientation.level()) {
     for (std::size_t c = 0; c < 4; ++c) std::copy_n(sound.channels_[c].begin(), num_samples, scratch.field[c].begin());
     const std::array<std::span<float>, 4> channels = {scratch.field[0], scratch.field[1], scratch.field[2], scratch.field[3]};
     scratch.rotation.set(orientation);
     scratch.rotation.apply(channels, num_samples);
-    return {of(scratch.field[0]), of(scratch.field[1]), of(scratch.field[2]), of(scratch.field[3])};
+    return {sounding(scratch.field[0]), sounding(scratch.field[1]), sounding(scratch.field[2]), sounding(scratch.field[3])};
   }
   // A turn about the vertical mixes the two horizontal dipoles only (rotate_to_heading for whole signals).
   const auto cosine = static_cast<float>(std::cos(orientation.heading_rad())),
@@ -275,7 +275,7 @@ RirSynthesizer::FirstOrder RirSynthesizer::rotate_first_order(const ListenerOrie
     turned_side[n] = cosine * s - sine * f;
     turned_front[n] = cosine * f + sine * s;
   }
-  return {of(sound.channels_[0]), of(scratch.field[1]), of(sound.channels_[2]), of(scratch.field[3])};
+  return {sounding(sound.channels_[0]), sounding(scratch.field[1]), sounding(sound.channels_[2]), sounding(scratch.field[3])};
 }
 
 /// Late sound at the ears: N3D channels in head axes through the decoder, by overlap-add.
@@ -330,8 +330,7 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
       }
       decode_late(rotate_first_order(pass.orientation, sound), rir);
       if (sound.num_decoded_ == sound.envelope_.size()) return;
-      // Further on in the same loops: what fades out in the field and in here is independent, or powers would not add, and nothing comes
-      // twice.
+      // Further on in the same loops: the parts that fade out and in must be independent, or powers would not add.
       scratch.place.set(pass.key, kFieldStream, sound.envelope_, scratch.place.apart());
       scratch.late_tail.add(sound.envelope_, sound.num_decoded_, tables.binaural_noise, scratch.place, pass.orientation,
                             std::span(rir.samples).first(length), std::span(rir.samples).subspan(length));

@@ -38,7 +38,7 @@ class ProgressReport {
   std::uint64_t done_ = 0, total_;
 };
 
-/// What one batch works on.
+/// State of one batch.
 struct Batch {
   std::uint32_t index = 0, num_rays = 0, num_source_paths = 0;
   std::uint32_t count = 1;  // of batches
@@ -249,11 +249,11 @@ void trace_whole_batch(const BidirectionalScene& shared, const BidirectionalOpti
                        const EnergyHistogram& images, BatchResult& result, ProgressReport& progress) {
   const FlushDenormals flush;
   const AcousticScene& scene = shared.scene;
-  BidirectionalScene own = shared;
-  own.strategies = strategies_of(scene.config(), options, batch, shared.volume_radius_m);
+  BidirectionalScene chunk_scene = shared;
+  chunk_scene.strategies = strategies_of(scene.config(), options, batch, shared.volume_radius_m);
   result.stats = {};
   std::fill(result.unseen.begin(), result.unseen.end(), 0.f);
-  trace_batch(own, batch, result.late, result.unseen, result.stats, progress);
+  trace_batch(chunk_scene, batch, result.late, result.unseen, result.stats, progress);
   result.late.attenuate(scene.air_energy_per_m(), scene.speed_of_sound_m_per_s());
   if (shared.candidates.long_chains()) result.late.add(images);
 }

@@ -12,8 +12,8 @@
 
 namespace earshot {
 
-/// The rays of one listener, kept while it stays where it is: what trace_late() follows before it connects each vertex to the source does
-/// not depend on the source.  So a source that moves, or several of them, share these rays, and each trace after the second costs the
+/// The rays of one listener, cached while it does not move: the paths of trace_late(), before their vertices are connected to the source,
+/// do not depend on the source.  So a source that moves, or several of them, share these rays, and each trace after the second costs the
 /// connections alone.  The bits are those of a trace from nothing.
 ///
 /// Filled by the second trace in a row of the same scene, seed and listener, so that listeners that move pay nothing; used by all after it.
@@ -24,7 +24,7 @@ class ListenerPaths {
   static constexpr std::size_t kMaxVertices = 32768;
 
   enum class Use { none, record, replay };
-  /// What the next trace is to do.  scene: AcousticScene::hash(), which holds the seed.
+  /// Use of the cache by the next trace.  scene: AcousticScene::hash(), which holds the seed.
   [[nodiscard]] Use next(std::uint64_t scene, glm::vec3 listener) {
     if (scene != scene_ || listener != listener_) {
       scene_ = scene;
@@ -53,7 +53,7 @@ class ListenerPaths {
     std::uint32_t stage = 0;
     std::uint32_t parent = kNone;    ///< the vertex before it on its path
     std::uint32_t chain_length = 0;  ///< mirrors before it, if all were
-    std::uint32_t blocker = kNone;   ///< what hid the source last (EmbreeScene::occluded)
+    std::uint32_t blocker = kNone;   ///< the triangle that last hid the source (EmbreeScene::occluded)
     bool all_specular = false;       ///< mirrors only, until here
   };
   /// Adds one; reflected: energy per padded band.  Returns its index.  Past kMaxVertices nothing is kept of this trace.
@@ -72,7 +72,7 @@ class ListenerPaths {
   [[nodiscard]] std::span<Vertex> vertices() { return vertices_; }
   [[nodiscard]] const float* reflected(std::size_t vertex, std::size_t padded_bands) const { return &reflected_[vertex * padded_bands]; }
 
-  /// Of the source at hand, per vertex: what its mirrors are in long chains (listener_ray.h).
+  /// Per vertex, for the current source: its mirrors in long chains (listener_ray.h).
   std::vector<LongChains::Chain> long_chains;
 
   /// Counters of the recorded trace that belong to its rays.

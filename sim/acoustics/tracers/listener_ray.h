@@ -27,7 +27,7 @@ inline constexpr float kPi = std::numbers::pi_v<float>;
 inline constexpr int kMaxChain = 4;
 inline constexpr float kBelowOne = 0x1.fffffep-1f;  // the largest float below 1
 
-/// What all rays of one trace share.
+/// State shared by all rays of one trace.
 struct Trace {
   const AcousticScene& scene;
   const EarlyCandidates& candidates;
@@ -158,7 +158,8 @@ glm::vec3 point_of_source(const Trace& trace, const RayState<W>& ray, const Rand
   return point_in_sphere(trace.source, trace.source_spread_m, u[0], u[1], u[2]);
 }
 
-/// What a vertex brings: next-event estimation from where the ray waits, d e = T f cos / (4 pi d^2) / (4 pi) with T starting at 4 pi / N
+/// Contribution of a vertex: next-event estimation from the current position of the ray, d e = T f cos / (4 pi d^2) / (4 pi) with T
+/// starting at 4 pi / N
 /// and f = (1 - a) s / pi (docs/explanation/estimators.md, section 1; O-11).  blocker: see EmbreeScene::occluded; may be null.
 template <int W>
 void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, WallRoulette<W>& roulette, TraceOutput output,
@@ -212,7 +213,7 @@ void connect_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& ra
   deposit(trace, ray, path_m, output.histogram);
 }
 
-/// Does the ray go straight on through the wall that it waits at?  If not, what is left of `random` is returned in it.
+/// Does the ray go straight on through the wall that it waits at?  If not, the rest of `random` is returned in it.
 template <int W>
 bool pick_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material, float& random) {
   const float* transmitted = trace.walls->transmitted(material);
@@ -237,7 +238,7 @@ void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
   const WallCrossing crossing = cross_wall(trace.scene.surfaces(), ray.direction, ray.hit);
   for (int b = 0; b < W; ++b) ray.throughput[b] = ray.reflected[b];
   if (crossing.inside_m > 0.f) {
-    // tau is in `passed` already; what the wall absorbs on the way comes on top.
+    // `passed` includes tau already; absorption inside the wall is added here.
     const auto tau = trace.scene.transmission(material);
     transmit(trace.scene.surfaces(), crossing, std::span(ray.throughput, tau.size()));
     for (std::size_t b = 0; b < tau.size(); ++b) ray.throughput[b] = tau[b] > 0.f ? ray.throughput[b] / tau[b] : 0.f;

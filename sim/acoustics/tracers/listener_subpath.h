@@ -41,7 +41,7 @@ struct ListenerRay : BandEnergy<W> {
   int events = 0;
   float path_m = 0;
   alignas(32) float image[W];  // of a path of mirrors only: energy of its image over that of a free path as long
-  float split = 1;             // what population control has made of its energy: copies of one ray are caught together
+  float split = 1;             // factor of population control on its energy: copies of one ray are caught together
   glm::vec3 origin{0}, direction{0};
   Hit hit;
   mis::ListenerChain chain;
@@ -100,7 +100,7 @@ bool some_strategy_connects(const BidirectionalScene& shared, const ListenerRay<
   return s.connection > 0 && ray.last_open_event > 0 && ray.events - ray.last_open_event + 1 <= s.source_bounces;
 }
 
-/// What a chain of mirrors that `ray` follows may hold although no ray is caught there.  A count of k has an upper limit of 97.7 % of k + 2
+/// Upper limit for the energy of a chain of mirrors in which no ray was caught.  A count of k has an upper limit of 97.7 % of k + 2
 /// sqrt(k + 3/4) + 7/4 (Gehrels 1986, eq. 10): half of it for k = 0, 1.74 rays, stands for one standard error beside the spread of batches.
 /// One ray is caught again and again, at every second segment, until its beam has spread, half of the times within an octave of length; the
 /// mean chord of a sphere is 4 r / 3.  But no chain holds more than the two images that come in such a length.
@@ -116,7 +116,7 @@ void note_unseen_chain(const BidirectionalScene& shared, const ListenerRay<W>& r
   output.note_unseen(energy, path_m, 2.f * ray.path_m / static_cast<float>(ray.events));
 }
 
-/// What no strategy can connect: chord of the segment through the source's sphere over 4 pi times its volume
+/// Paths that no strategy connects: chord of the segment through the source's sphere over 4 pi times its volume
 /// (docs/explanation/estimators.md, section 2).
 template <int W>
 void catch_in_volume(const BidirectionalScene& shared, const ListenerRay<W>& ray, float segment_m, BatchOutput<W>& output) {
@@ -178,10 +178,10 @@ void connect_to_vertex(const BidirectionalScene& shared, const ListenerRay<W>& r
   if (path_m > shared.max_path_m || distance_m < shared.strategies.least_edge_m) return;
   const glm::vec3 out = between / distance_m;
   const float cos_here = height_here / distance_m, cos_there = height_there / distance_m;
-  alignas(32) float energy[W], there[W];
+  alignas(32) float energy[W], vertex_value[W];
   rough_value<W>(shared.model, material, normal, in, out, energy);
-  rough_value<W>(shared.model, vertex.material, vertex.normal, vertex.toward_previous, -out, there);
-  for (int b = 0; b < W; ++b) energy[b] *= ray.reflected[b] * there[b] * vertex.reflected[b];
+  rough_value<W>(shared.model, vertex.material, vertex.normal, vertex.toward_previous, -out, vertex_value);
+  for (int b = 0; b < W; ++b) energy[b] *= ray.reflected[b] * vertex_value[b] * vertex.reflected[b];
   if (!(sum_over_bands<W>(energy) > 0.f)) return;
 
   const mis::Strategies& strategies = shared.strategies;
@@ -307,7 +307,7 @@ void advance(const BidirectionalScene& shared, const SourceSubpaths<W>& sources,
     constexpr std::uint32_t second_set = 0x80000000u;
     const std::array<float, 4> u = stage.random.uniform4(second_set | static_cast<std::uint32_t>(ray.events));
     const auto connected = static_cast<float>(shared.strategies.connected);
-    if (u[0] >= connected) continue;  // what is left of u[0] picks the event below
+    if (u[0] >= connected) continue;  // the rest of u[0] selects the event below
     if (shared.strategies.next_event > 0) {
       connect_to_source(shared, ray, material, point_of_source(shared, u[1], u[2], u[3]), output);
     }

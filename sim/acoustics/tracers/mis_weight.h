@@ -58,7 +58,7 @@ inline double samples_of_edge(const Strategies& strategies, double length_m) {
   return length_m < strategies.least_edge_m ? 0.0 : strategies.connection;
 }
 
-/// What a source vertex contributes to every weight: the sum over earlier strategies is
+/// Contribution of a source vertex to every weight: the sum over earlier strategies is
 /// (density of the vertex from the listener's side) * inverse_pdf * (before + reverse_pdf * chain),
 /// reverse_pdf: density per solid angle of going back toward the vertex before, having come from the other end of the connection.
 struct SourceEnd {

@@ -22,15 +22,15 @@ void systematic_resample(std::span<const double> weights, int target, double ran
   for (const double weight : weights) sum += weight;
   // Ray i gets the integers that lie between its ends of the running total, shifted by one random number for all.
   const double scale = target / sum;
-  double running = 0, before = std::floor(random);
+  double running = 0, previous_cumulative = std::floor(random);
   std::size_t last = 0;
   int given = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     running += weights[i];
-    const double here = std::floor(running * scale + random);
-    copies[i] = static_cast<int>(here - before);
+    const double cumulative = std::floor(running * scale + random);
+    copies[i] = static_cast<int>(cumulative - previous_cumulative);
     given += copies[i];
-    before = here;
+    previous_cumulative = cumulative;
     if (weights[i] > 0) last = i;
   }
   // The end of the running total may be an ulp off `target`.

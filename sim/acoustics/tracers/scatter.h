@@ -53,7 +53,7 @@ enum class Leaving {
 /// How a subpath leaves a surface.
 struct Departure {
   Leaving way;
-  float extra_path_m;  ///< what a wall adds to the path
+  float extra_path_m;  ///< length that a wall adds to the path
 };
 
 /// Absorption inside a wall, beside tau, which the fractions of a material include.

@@ -17,7 +17,7 @@
 /// Subpaths from the source, traced once per batch and kept for the connections of all listener vertices.  Internal to the tracer.
 namespace earshot {
 
-/// What all subpaths of one bidirectional trace share.
+/// State shared by all subpaths of one bidirectional trace.
 struct BidirectionalScene {
   const AcousticScene& scene;
   const EarlyCandidates& candidates;

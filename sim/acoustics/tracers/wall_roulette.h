@@ -19,8 +19,8 @@ namespace earshot {
 template <int W>
 class WallRoulette {
  public:
-  /// A segment that is blocked.  free: what it would bring in free air; geometry: that, relative to what the path carries; random: uniform
-  /// in [0, 1).  Is it followed at all?
+  /// A segment that is blocked.  free: its contribution in free air; geometry: the same relative to the energy of the path; random: uniform
+  /// in [0, 1).  Returns whether it is followed.
   [[nodiscard]] bool begin(const float (&free)[W], float geometry, float random) {
     for (int b = 0; b < W; ++b) relative_[b] = free[b] > 0.f ? geometry / free[b] : 0.f;
     random_ = random;
@@ -28,13 +28,13 @@ class WallRoulette {
     if (segments_ < kLearning || blocked_ == 0.f) return true;
     float most = 0.f;
     for (int b = 0; b < W; ++b) most = std::max(most, sum_[b] > 0.f ? sum_blocked_[b] / sum_[b] : 0.f);
-    if (any_) probability_ = std::clamp(most * segments_ / (kFraction * blocked_), kLeast, 1.f);
+    if (has_segments_) probability_ = std::clamp(most * segments_ / (kFraction * blocked_), kLeast, 1.f);
     return random_ < probability_;
   }
   /// Is a segment of which `left` is left worth its next wall, which passes `passed` [W] of it?
   [[nodiscard]] bool goes_on(const float (&left)[W], const float* passed) {
     // Where nothing has arrived in any band there is nothing to compare with.
-    if (segments_ < kLearning || !any_) return true;
+    if (segments_ < kLearning || !has_segments_) return true;
     float most = 0.f;
     for (int b = 0; b < W; ++b) most = std::max(most, sum_[b] > 0.f ? left[b] * relative_[b] * passed[b] / sum_[b] : 0.f);
     probability_ = std::min(probability_, most * segments_ / kFraction);
@@ -47,7 +47,7 @@ class WallRoulette {
       left[b] *= factor;
       sum_[b] += left[b] * relative_[b];
       sum_blocked_[b] += left[b] * relative_[b];
-      any_ = any_ || sum_[b] > 0.f;
+      has_segments_ = has_segments_ || sum_[b] > 0.f;
     }
     lose();
   }
@@ -59,7 +59,7 @@ class WallRoulette {
   /// A segment through free air.
   void arrive_freely(float geometry) {
     for (int b = 0; b < W; ++b) sum_[b] += geometry;
-    any_ = true;
+    has_segments_ = true;
     segments_ += 1.f;
   }
 
@@ -67,7 +67,7 @@ class WallRoulette {
   static constexpr float kLearning = 64, kFraction = 0.5f, kLeast = 0.2f;
   float sum_[W] = {}, sum_blocked_[W] = {}, relative_[W] = {};
   float random_ = 0.f, probability_ = 1.f, segments_ = 0.f, blocked_ = 0.f;
-  bool any_ = false;
+  bool has_segments_ = false;
 };
 
 }  // namespace earshot

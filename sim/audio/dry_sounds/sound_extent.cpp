@@ -158,8 +158,8 @@ InputError cut_short(const std::string& name, std::uint64_t stated_bytes, std::u
           "copy or export the sound again"};
 }
 
-InputError damaged_at(const std::string& name, std::uint64_t place, const std::string& what) {
-  return {name, fmt::format("is damaged at byte {}: {}", place, what), "copy or export the sound again"};
+InputError damaged_at(const std::string& name, std::uint64_t place, const std::string& problem) {
+  return {name, fmt::format("is damaged at byte {}: {}", place, problem), "copy or export the sound again"};
 }
 
 SoundExtent read_sound_extent(const std::filesystem::path& path) {

@@ -7,8 +7,8 @@
 
 namespace earshot {
 
-/// What the header of a sound says of its length, read before the sound is decoded: a decoder returns what is there and says nothing of
-/// the rest.
+/// Length that the header of a sound states, read before the sound is decoded: a decoder returns the samples it finds and does not report
+/// missing ones.
 struct SoundExtent {
   std::uint64_t least_frames = 0;  ///< frames that a decoder must return; 0: the header says no more than that the file is long enough
   /// A header from before the length was known (a pipe) holds a placeholder: the bytes that state what follows, and their place.

@@ -31,7 +31,7 @@ class Dice {
   std::uint32_t draw_ = 0;
 };
 
-/// A loop that is drawn on: what runs past the end continues at the beginning, so there is no seam.
+/// A loop buffer: samples past the end continue at the beginning, so the loop has no seam.
 class Loop {
  public:
   Loop(double length_s, double rate_hz, std::uint64_t seed, std::uint32_t kind)
@@ -232,7 +232,7 @@ void bird(Loop& loop, Dice& dice) {
           return (k == 1 ? 1.0 : 0.3) * arch(t, chirp_s) * std::sin(kTwoPi * k * from_hz * t * (1.0 + 0.5 * sweep * t / chirp_s));
         });
       }
-      // Wings and breath: what lets low frequencies carry the direction, too.
+      // Wings and breath: these give low frequencies a direction cue, too.
       std::size_t index = static_cast<std::size_t>(at * loop.rate_hz());
       loop.add(at, chirp_s, [&, chirp_s](double t) { return 0.08 * arch(t, chirp_s) * loop.noise(++index); });
     }
@@ -262,8 +262,8 @@ struct Recipe {
 Recipe parse_recipe(const std::string& spec) {
   std::string known;
   for (const Kind& kind : kKinds) known += (known.empty() ? "" : ", ") + std::string(kind.name);
-  const auto refuse = [&](std::string_view what) -> InputError {
-    return {spec, what, fmt::format("write synth:KIND or synth:KIND:SEED with KIND one of {}", known)};
+  const auto refuse = [&](std::string_view problem) -> InputError {
+    return {spec, problem, fmt::format("write synth:KIND or synth:KIND:SEED with KIND one of {}", known)};
   };
   constexpr std::string_view prefix = "synth:";
   if (!spec.starts_with(prefix)) throw refuse("is not a synthetic sound");

@@ -12,7 +12,7 @@ namespace earshot {
 /// The error of a file that ends before its sound does.
 InputError cut_short(const std::string& name, std::uint64_t stated_bytes, std::uint64_t present_bytes);
 /// The error of a file whose bytes are not what they must be at `place`.
-InputError damaged_at(const std::string& name, std::uint64_t place, const std::string& what);
+InputError damaged_at(const std::string& name, std::uint64_t place, const std::string& problem);
 
 /// Walks the pages of an Ogg file (RFC 3533) from byte `start`: checksums, numbers of pages, the mark of the last page of each stream.
 /// Throws InputError as read_sound_extent.

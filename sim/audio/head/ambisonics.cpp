@@ -43,7 +43,7 @@ void spherical_harmonics_n3d(glm::vec3 direction, int order, std::span<float> va
 
   static const Recursion recursion;
   const double x = -direction.z, y = -direction.x, z = direction.y;
-  // Real and imaginary part of (x + iy)^m carry the azimuth and the factor cos(elevation)^m, so the poles are no special case.
+  // Real and imaginary part of (x + iy)^m carry the azimuth and the factor cos(elevation)^m, so the poles need no special case.
   double cosine = 1, sine = 0, sectoral = 1;
   for (int m = 0; m <= order; ++m) {
     if (m > 0) {

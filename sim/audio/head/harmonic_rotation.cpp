@@ -54,12 +54,12 @@ void HarmonicRotation::set(const ListenerOrientation& orientation) {
         if (m == 0) {
           sum += v * (product(1, l, 1, n) + product(-1, l, -1, n));
         } else if (m > 0) {
-          const bool one = m == 1;
-          sum += v * (product(1, l, m - 1, n) * (one ? std::sqrt(2.0) : 1.0) - (one ? 0.0 : product(-1, l, 1 - m, n)));
+          const bool is_unit_order = m == 1;
+          sum += v * (product(1, l, m - 1, n) * (is_unit_order ? std::sqrt(2.0) : 1.0) - (is_unit_order ? 0.0 : product(-1, l, 1 - m, n)));
           if (w != 0) sum += w * (product(1, l, m + 1, n) + product(-1, l, -m - 1, n));
         } else {
-          const bool one = m == -1;
-          sum += v * ((one ? 0.0 : product(1, l, m + 1, n)) + product(-1, l, -m - 1, n) * (one ? std::sqrt(2.0) : 1.0));
+          const bool is_unit_order = m == -1;
+          sum += v * ((is_unit_order ? 0.0 : product(1, l, m + 1, n)) + product(-1, l, -m - 1, n) * (is_unit_order ? std::sqrt(2.0) : 1.0));
           if (w != 0) sum += w * (product(1, l, m - 1, n) - product(-1, l, 1 - m, n));
         }
         matrix_[index(l, m, n)] = sum;

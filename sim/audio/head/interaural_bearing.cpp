@@ -115,7 +115,7 @@ float InterauralBearing::loudest_power() const {
   return loudest;
 }
 
-/// Adds to the response, for each angle, how well phases and levels of all bins from least_power on fit it.
+/// Adds to the response of each angle the fit of phases and levels of all bins from least_power on.
 InterauralBearing::BinSums InterauralBearing::steer(float least_power, std::span<float> response) const {
   BinSums sums;
   for (std::size_t k = 0; k < num_bins_; ++k) {

@@ -9,9 +9,10 @@
 
 namespace earshot {
 
-/// From how far left or right a sound comes, by the differences of phase and level between two ears: the steered response with phase
-/// transform (DiBiase 2000, section 6.3; for two microphones GCC-PHAT of Knapp and Carter 1976), steered over lateral angles by what a
-/// rigid sphere does to a plane wave (Duda and Martens 1998), so that low sounds, which go around a head half as late again as high ones,
+/// Lateral angle of a sound from the differences of phase and level between two ears: the steered response with phase
+/// transform (DiBiase 2000, section 6.3; for two microphones GCC-PHAT of Knapp and Carter 1976), steered over lateral angles by the
+/// diffraction of a plane wave at a rigid sphere (Duda and Martens 1998), so that low sounds, which go around a head half as late again as
+/// high ones,
 /// are judged rightly.  Lateral angles are on the horizontal plane, in radians, positive to the left; what is in front and what is behind
 /// at the same lateral angle sounds alike.  Owns an FFT and scratch: one per thread.
 class InterauralBearing {

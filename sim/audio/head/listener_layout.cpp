@@ -85,13 +85,13 @@ ListenerLayout ListenerLayout::array(std::vector<Microphone> microphones) {
 
 ListenerLayout ListenerLayout::mono(std::shared_ptr<const Directivity> directivity) {
   if (!directivity || directivity->omnidirectional()) return ChannelLayout::mono;
-  std::vector<Microphone> one(1);
-  one[0].directivity = std::move(directivity);
-  return array(std::move(one));
+  std::vector<Microphone> omnidirectional(1);
+  omnidirectional[0].directivity = std::move(directivity);
+  return array(std::move(omnidirectional));
 }
 
 ListenerLayout ListenerLayout::named(std::string_view text) {
-  const auto refuse = [&](std::string_view what) { return InputError("listener '" + std::string(text) + "'", what, kNames); };
+  const auto refuse = [&](std::string_view problem) { return InputError("listener '" + std::string(text) + "'", problem, kNames); };
   const std::size_t colon = text.find(':');
   const std::string_view kind = text.substr(0, colon);
   std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);

@@ -62,9 +62,9 @@ std::vector<ResponseParts> divide_sphere(const SofaResponses& sofa, const Measur
       ResponseParts mean = divider.empty();
       for (const std::size_t m : copies) {
         const std::size_t row = 2 * m + ear;
-        ResponseParts one = divider.divide(std::span(sofa.taps).subspan(row * taps, taps));
-        one.delay_s += static_cast<double>(sofa.delay_samples[row]) / static_cast<double>(sofa.sample_rate_hz);
-        mean.add(one, 1.f / static_cast<float>(copies.size()));
+        ResponseParts row_parts = divider.divide(std::span(sofa.taps).subspan(row * taps, taps));
+        row_parts.delay_s += static_cast<double>(sofa.delay_samples[row]) / static_cast<double>(sofa.sample_rate_hz);
+        mean.add(row_parts, 1.f / static_cast<float>(copies.size()));
       }
       parts.push_back(std::move(mean));
     }
@@ -76,7 +76,7 @@ std::vector<ResponseParts> divide_sphere(const SofaResponses& sofa, const Measur
 HeadGrid make_grid(const SofaResponses& sofa, const MeasuredSphere& sphere, float sample_rate_hz, int fft_size, ResponseDivider& divider) {
   const std::vector<ResponseParts> parts = divide_sphere(sofa, sphere, divider);
   std::vector<glm::vec3> directions;
-  for (const MeasuredDirection& one : sphere.directions) directions.push_back(one.direction);
+  for (const MeasuredDirection& measured : sphere.directions) directions.push_back(measured.direction);
   const DirectionWeights weights(directions);
   HeadGrid grid;
   grid.fft_size = fft_size;

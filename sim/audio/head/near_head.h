@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What changes at the ears of a head when a source comes near: the pressure on a rigid sphere from a point source over that from the
+/// Near-field correction of a head: the pressure on a rigid sphere from a point source over that from the
 /// distance at which a head was measured (Duda and Martens 1998, eqs. 1 and 6), per bin, with magnitude and phase.  It depends on the
 /// distance and on the angle between source and ear alone, and so corrects any head.
 /// kFarFieldM on it is 1, and continuous in distance, angle and frequency; nearer than kNearestM it stays what it is there.

@@ -190,7 +190,7 @@ SofaResponses read_sofa(const std::filesystem::path& path) {
 
 SofaResponses parse_sofa(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const Refusal refuse = [&](const std::string& what) { return InputError(name, what, kRemedy); };
+  const Refusal refuse = [&](const std::string& problem) { return InputError(name, problem, kRemedy); };
   const std::string bytes = read_file(path, kMaxFileBytes);
   // libmysofa 1.3 writes past its stack on files that end too early, so it is never given one.
   const std::uint64_t stated = stated_size(bytes);
@@ -220,7 +220,7 @@ SofaResponses parse_sofa(const std::filesystem::path& path) {
 }
 
 void validate(const SofaResponses& responses, const std::string& where) {
-  const auto refuse = [&](const std::string& what) { return InputError(where, what, kRemedy); };
+  const auto refuse = [&](const std::string& problem) { return InputError(where, problem, kRemedy); };
   const std::size_t measurements = responses.direction.size();
   if (!(responses.sample_rate_hz >= kMinRateHz && responses.sample_rate_hz <= kMaxRateHz))
     throw refuse(fmt::format("has Data.SamplingRate {} Hz, outside [{}, {}]", responses.sample_rate_hz, kMinRateHz, kMaxRateHz));

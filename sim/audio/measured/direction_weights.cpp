@@ -54,10 +54,10 @@ std::vector<DirectionWeights::Weight> DirectionWeights::at(glm::vec3 towards) co
   const std::size_t n = count + 1, width = n + 1;
   std::vector<double> rows(n * width, 0.0);
   for (std::size_t i = 0; i < count; ++i) {
-    const glm::dvec3 here = directions_[nearest[i].second];
-    for (std::size_t j = 0; j < i; ++j) rows[i * width + j] = rows[j * width + i] = variogram(here, directions_[nearest[j].second]);
+    const glm::dvec3 direction = directions_[nearest[i].second];
+    for (std::size_t j = 0; j < i; ++j) rows[i * width + j] = rows[j * width + i] = variogram(direction, directions_[nearest[j].second]);
     rows[i * width + count] = rows[count * width + i] = 1.0;
-    rows[i * width + n] = variogram(here, place);
+    rows[i * width + n] = variogram(direction, place);
   }
   rows[count * width + n] = 1.0;
   solve(rows, n);

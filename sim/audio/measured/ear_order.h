@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-/// By how much the ear that comes first in each measurement is the left one: the nearer ear is louder and earlier.
+/// Evidence that the first ear of each measurement is the left one: the nearer ear is louder and earlier.
 struct EarEvidence {
   double level_db = 0;  ///< level of the first ear above the second, half the difference between sources on the left and on the right
   double early_s = 0;   ///< its onset before that of the second, likewise

@@ -80,10 +80,10 @@ MeasuredSphere make_sphere(std::span<const glm::vec3> direction, std::span<const
     if (copies.empty() || distance_m[m] * kSameDistance >= distance_m[copies.front()]) copies.push_back(m);
   }
   // In the order of the file, whatever the distances.
-  for (MeasuredDirection& one : sphere.directions) std::ranges::sort(one.copies);
-  std::ranges::sort(sphere.directions, {}, [](const MeasuredDirection& one) { return one.copies.front(); });
-  for (const MeasuredDirection& one : sphere.directions)
-    sphere.distance_m += static_cast<double>(distance_m[one.copies.front()]) / static_cast<double>(sphere.directions.size());
+  for (MeasuredDirection& measured : sphere.directions) std::ranges::sort(measured.copies);
+  std::ranges::sort(sphere.directions, {}, [](const MeasuredDirection& measured) { return measured.copies.front(); });
+  for (const MeasuredDirection& measured : sphere.directions)
+    sphere.distance_m += static_cast<double>(distance_m[measured.copies.front()]) / static_cast<double>(sphere.directions.size());
   return sphere;
 }
 

@@ -22,7 +22,7 @@ struct MeasuredSphere {
 
 /// Sorts the measurements of a head into spheres, the nearest first.
 /// Distances within 4 % of each other are one sphere.  Distances of which less than 80 % of the directions of the file (in cells of 30
-/// degrees) are covered, as a ring beside a sphere or loudspeakers in the corners of a room, are no sphere of their own: they count to the
+/// degrees) are covered, as a ring beside a sphere or loudspeakers in the corners of a room, do not form a sphere: they count to the
 /// next farther one, the farthest to the next nearer, and of several distances in one direction the farthest counts.
 /// Measurements within 0.1 degrees are copies of one direction.  direction: unit; distance_m: positive, or all 0 where they are not known;
 /// the same length.  About O(n log n).

@@ -9,7 +9,7 @@ MinimumPhase::MinimumPhase(int size)
 void MinimumPhase::operator()(std::span<const float> log_magnitude, std::span<float> phase_rad) {
   for (std::size_t k = 0; k < spectrum_.size(); ++k) spectrum_[k] = log_magnitude[k];
   fft_.inverse(spectrum_, cepstrum_);
-  // Causal: what comes before time zero is added to what comes after it.  Only its odd part, the phase, is needed.
+  // Causal: the part before time zero is added to the part after it.  Only its odd part, the phase, is needed.
   const std::size_t half = cepstrum_.size() / 2;
   cepstrum_[0] = cepstrum_[half] = 0.f;
   for (std::size_t n = 1; n < half; ++n) {

@@ -8,8 +8,8 @@
 namespace earshot {
 
 /// Directions all over the sphere, about 2.5 degrees apart: rows of equal elevation, with as many nodes as the length of the row asks for
-/// and one at each pole.  What is known at the nodes is interpolated linearly along the two rows about a direction, and between them:
-/// continuous everywhere.  The mirror image of a node is a node.
+/// and one at each pole.  Values at the nodes are interpolated linearly along the two rows next to a direction, and between them; the
+/// result is continuous everywhere.  The mirror image of a node is a node.
 class NodeGrid {
  public:
   static std::size_t num_nodes();

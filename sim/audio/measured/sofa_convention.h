@@ -11,7 +11,7 @@ namespace earshot {
 /// it only for files that it can read.  Empty if no name of a convention stands where an attribute has its value.  O(size of the file).
 std::string find_sofa_convention(std::string_view file);
 
-/// What a file of this convention holds, if that is not impulse responses in one block: "holds transfer functions (convention
+/// Content of a file of this convention, if that is not impulse responses in one block: "holds transfer functions (convention
 /// SimpleFreeFieldHRTF)".  nullopt for conventions of impulse responses and for names that AES69-2022 does not have.
 std::optional<std::string> refusal_of_convention(std::string_view convention);
 

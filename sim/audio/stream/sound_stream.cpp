@@ -214,7 +214,7 @@ void StreamConvolver::convolve(const SoundClip& clip, std::uint64_t clip_key, co
     }
 
     const auto count = static_cast<std::size_t>(std::min(in.plan.piece, block - begin));
-    const std::size_t first = in.size - static_cast<std::size_t>(in.plan.piece);  // what lies before holds the wrap-around
+    const std::size_t first = in.size - static_cast<std::size_t>(in.plan.piece);  // earlier samples hold the wrap-around
     for (std::size_t pair = 0; pair < in.num_pairs; ++pair) {
       float* left = output.data() + 2 * pair * width + static_cast<std::size_t>(begin);
       float* right = 2 * pair + 1 < in.num_channels ? left + width : nullptr;

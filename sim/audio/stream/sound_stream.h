@@ -24,7 +24,7 @@ struct StreamPosition {
   std::uint64_t clip_offset = 0;  ///< clip sample at stream sample 0
   bool already_playing = true;    ///< true: the loop has been playing without beginning before sample 0; false: silence before `begin`
   std::uint64_t begin = 0;        ///< stream sample at which a loop that has not been playing begins
-  std::uint64_t end = ~std::uint64_t{0};  ///< stream sample from which on the dry sound is silent: what was played before rings on
+  std::uint64_t end = ~std::uint64_t{0};  ///< stream sample from which the dry sound is silent; earlier sound rings on
 
   /// Dry samples of the segment of `size` stream samples that begins `back` before `sample`: silence, sound, silence.
   struct Segment {

@@ -76,7 +76,7 @@ class DirectRealFft {
     std::fill(std::copy(time.begin(), time.end(), time_.data()), time_.data() + time_.size(), 0.f);
     forward_(spectrum_.data(), time_.data());
     std::copy_n(spectrum_.data(), spectrum_.size(), spectrum.begin());
-    // libavutil leaves the imaginary part of the last bin as the buffer had it: what an inverse transform left there.
+    // libavutil does not write the imaginary part of the last bin, so it may hold a value of an earlier inverse transform.
     spectrum[0].imag(0.f);
     spectrum[spectrum_.size() - 1].imag(0.f);
   }

@@ -121,7 +121,7 @@ class ComplexSteps {
 
   template <bool kSwap>
   void to_pairs(const float* in, float* out) {
-    if (size_ < 8) return few<kSwap>(in, [out](Index index, float re, float im) { put_pair<kSwap>(out, index, re, im); });
+    if (size_ < 8) return transform_small<kSwap>(in, [out](Index index, float re, float im) { put_pair<kSwap>(out, index, re, im); });
     const Index stride = all_but_last<kSwap>(in);
     if (size_ == 4 * stride)
       last_to_pairs<kSwap, 4>(a_.data(), a_.data() + row(), out, stride);
@@ -133,7 +133,7 @@ class ComplexSteps {
     const Index stride = size_ < 8 ? 0 : all_but_last<false>(in);  // which of the two arrays is free is known after it
     float *re = b_.data(), *im = re + row();
     if (stride == 0)
-      few<false>(in, [=](Index index, float r, float i) { re[index] = r, im[index] = i; });
+      transform_small<false>(in, [=](Index index, float r, float i) { re[index] = r, im[index] = i; });
     else if (size_ == 4 * stride)
       last_to_parts<4>(a_.data(), a_.data() + row(), re, im, stride);
     else
@@ -155,7 +155,7 @@ class ComplexSteps {
   }
   /// Up to four points, whose roots are exact.
   template <bool kSwap, class Put>
-  void few(const float* in, Put put) const {
+  void transform_small(const float* in, Put put) const {
     constexpr float cosine[4] = {1, 0, -1, 0}, sine[4] = {0, -1, 0, 1};
     float re[4] = {}, im[4] = {};
     for (Index k = 0; k < size_; ++k)
@@ -226,15 +226,15 @@ void tangle(const float* __restrict in, const float* __restrict roots, float sca
 }  // namespace
 
 struct Transform::Impl {
-  Impl(TransformKind of, bool backward, Index num_points, float factor)
-      : kind(of),
+  Impl(TransformKind transform_kind, bool backward, Index num_points, float factor)
+      : kind(transform_kind),
         inverse(backward),
         half(num_points / 2),
         scale(factor),
-        steps(of == TransformKind::complex ? num_points : half),
-        roots(of == TransformKind::real ? 2 * (half + 1) : 0),
-        pairs(of == TransformKind::real && backward ? num_points : 0),
-        parts(of == TransformKind::real && backward ? 2 * (half + 1) : 0) {
+        steps(transform_kind == TransformKind::complex ? num_points : half),
+        roots(transform_kind == TransformKind::real ? 2 * (half + 1) : 0),
+        pairs(transform_kind == TransformKind::real && backward ? num_points : 0),
+        parts(transform_kind == TransformKind::real && backward ? 2 * (half + 1) : 0) {
     for (Index k = 0; kind == TransformKind::real && k <= half; ++k) {
       const std::complex<double> root = std::polar(1.0, -std::numbers::pi * static_cast<double>(k) / static_cast<double>(half));
       roots[k] = static_cast<float>(root.real());

@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// What two ears hear, by the cues that say where a sound is and how far (Blauert 1997, sections 2.4 and 3.2; coherence as in Faller and
+/// Interaural cues for the direction and distance of a sound (Blauert 1997, sections 2.4 and 3.2; coherence as in Faller and
 /// Merimaa 2004, eqs. 4 to 6).  Cells as those of the spectrogram: pool x pool bins and frames, in which powers P of the left and the right
 /// ear and the cross spectrum C = sum L conj(R) are summed.  Channels of a cell:
 ///   0  level: 10 log10 of the mean of both powers above kInterauralFloorDb, in kInterauralLevelDb

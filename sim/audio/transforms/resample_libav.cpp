@@ -26,7 +26,7 @@ using Resampler = std::unique_ptr<SwrContext, FreeResampler>;
 }  // namespace
 
 std::vector<float> resample(std::span<const float> input, int from_hz, int to_hz, const std::string& name) {
-  const auto refuse = [&](const char* what) { throw InputError(name, what, fmt::format("convert it to {} Hz first", to_hz)); };
+  const auto refuse = [&](const char* problem) { throw InputError(name, problem, fmt::format("convert it to {} Hz first", to_hz)); };
   AVChannelLayout mono;
   av_channel_layout_default(&mono, 1);
   SwrContext* raw = nullptr;
@@ -57,7 +57,7 @@ std::vector<float> resample(std::span<const float> input, int from_hz, int to_hz
     convert(input.data() + done, static_cast<int>(std::min(block, input.size() - done)));
   while (written < output.size() && convert(nullptr, 0) > 0) {
   }
-  output.resize(wanted);  // what the filter still rings past the end is not part of the sound
+  output.resize(wanted);  // the filter's ringing past the end is not part of the sound
   return output;
 }
 

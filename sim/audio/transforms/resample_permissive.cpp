@@ -12,7 +12,7 @@
 namespace earshot {
 namespace {
 
-/// What the library takes in one step is between this and its inverse.
+/// The library accepts ratios between this and its inverse in one step.
 constexpr double kMaxRatio = 256;
 
 std::vector<float> convert(std::span<const float> input, double ratio, const std::string& name, int to_hz) {
@@ -26,7 +26,7 @@ std::vector<float> convert(std::span<const float> input, double ratio, const std
   data.src_ratio = ratio;
   if (const int status = src_simple(&data, SRC_SINC_BEST_QUALITY, 1); status != 0)
     throw InputError(name, fmt::format("cannot be resampled ({})", src_strerror(status)), fmt::format("convert it to {} Hz first", to_hz));
-  output.resize(wanted);  // what the filter still rings past the end is not part of the sound
+  output.resize(wanted);  // the filter's ringing past the end is not part of the sound
   return output;
 }
 

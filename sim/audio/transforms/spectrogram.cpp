@@ -99,8 +99,8 @@ struct SpectrogramAnalyzer::Impl {
   StftFrames stft;
   std::size_t num_frames, rows, columns;
   std::vector<float> magnitude;
-  std::vector<float> pooled;  ///< one column
-  SpectrogramHistory own;     ///< of callers that keep none
+  std::vector<float> pooled;           ///< one column
+  SpectrogramHistory default_history;  ///< of callers that keep none
 };
 
 SpectrogramAnalyzer::SpectrogramAnalyzer(const SpectrogramConfig& config) : impl_(std::make_unique<Impl>(config)) {}

@@ -40,8 +40,8 @@ class SpectrogramAnalyzer {
   /// sound: [2, num_samples]; spectrogram: [rows, columns, 2].  About 0.2 ms; no allocation.
   void analyze(std::span<const float> sound, std::span<float> spectrogram);
   /// The same bits where `sound` is the window of `history` moved on by `new_samples`: frames that lie wholly inside both windows
-  /// are taken from there, those at the edges, which reach into the padding, are not.  Nothing is taken if new_samples is no multiple of
-  /// the hop. About 0.06 ms for 2,400 new samples of 16,000.  Allocates in the first call for `history`.
+  /// are taken from there, those at the edges, which reach into the padding, are not.  Does nothing if new_samples is not a multiple of the
+  /// hop. About 0.06 ms for 2,400 new samples of 16,000.  Allocates in the first call for `history`.
   void analyze(std::span<const float> sound, std::size_t new_samples, SpectrogramHistory& history, std::span<float> spectrogram);
 
  private:

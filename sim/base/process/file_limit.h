@@ -11,7 +11,7 @@ namespace earshot {
 /// the end, and what is open then stays so.
 class RaisedFileLimit {
  public:
-  /// user, remedy: who needs so many and what to do, for the error.  Throws InputError where the hard limit is lower.
+  /// user, remedy: the part that needs so many and the advice, for the error.  Throws InputError where the hard limit is lower.
   RaisedFileLimit(int num_files, const std::string& user, const std::string& remedy);
   ~RaisedFileLimit();
   RaisedFileLimit(const RaisedFileLimit&) = delete;

@@ -29,12 +29,12 @@ std::uint64_t to_number(const char* text) {
   return number;
 }
 
-void lower_limit(int what, rlim_t value) {
+void lower_limit(int resource, rlim_t value) {
   rlimit limit{};
-  if (::getrlimit(static_cast<__rlimit_resource_t>(what), &limit) != 0) return;
+  if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0) return;
   limit.rlim_cur = std::min(limit.rlim_max, value);
   limit.rlim_max = limit.rlim_cur;
-  static_cast<void>(::setrlimit(static_cast<__rlimit_resource_t>(what), &limit));
+  static_cast<void>(::setrlimit(static_cast<__rlimit_resource_t>(resource), &limit));
 }
 
 /// Address space and writable pages now (proc(5), statm), as sanitizers hold terabytes of both.

@@ -73,15 +73,15 @@ class Child {
  public:
   Child(const std::filesystem::path& program, const std::vector<std::string>& arguments, int answer_end) {
     SpawnActions spawn;
-    // What libraries print is dropped: the answer says in one line what is wrong.
+    // Output of libraries is dropped: the answer states the error in one line.
     posix_spawn_file_actions_addopen(&spawn.actions, 0, "/dev/null", O_RDONLY, 0);
     for (const int output : {1, 2}) posix_spawn_file_actions_addopen(&spawn.actions, output, "/dev/null", O_WRONLY, 0);
     posix_spawn_file_actions_adddup2(&spawn.actions, answer_end, kAnswerDescriptor);
-    sigset_t all, none;
-    sigfillset(&all);
-    sigemptyset(&none);
-    posix_spawnattr_setsigdefault(&spawn.attributes, &all);
-    posix_spawnattr_setsigmask(&spawn.attributes, &none);
+    sigset_t all_signals, no_signals;
+    sigfillset(&all_signals);
+    sigemptyset(&no_signals);
+    posix_spawnattr_setsigdefault(&spawn.attributes, &all_signals);
+    posix_spawnattr_setsigmask(&spawn.attributes, &no_signals);
     posix_spawnattr_setpgroup(&spawn.attributes, 0);  // a group of its own: Ctrl-C goes to this process only
     posix_spawnattr_setflags(&spawn.attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP));
     std::vector<char*> pointers{const_cast<char*>(program.c_str())};  // as execve is declared; never written to
@@ -168,11 +168,11 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
                           const IsolationLimits& limits) {
   const Clock::time_point deadline = Clock::now() + limits.wall_time;
   const std::int64_t seconds = std::chrono::ceil<std::chrono::seconds>(limits.wall_time).count() + 1;
-  std::vector<std::string> all{std::to_string(::getpid()), std::to_string(limits.memory_bytes), std::to_string(seconds)};
-  all.insert(all.end(), arguments.begin(), arguments.end());
+  std::vector<std::string> all_signals{std::to_string(::getpid()), std::to_string(limits.memory_bytes), std::to_string(seconds)};
+  all_signals.insert(all_signals.end(), arguments.begin(), arguments.end());
 
   Pipe pipe = open_pipe();
-  Child child(program, all, pipe.write.get());
+  Child child(program, all_signals, pipe.write.get());
   pipe.write = Descriptor();  // so that the end of the program is the end of the pipe
   std::string frame;
   const bool is_driver = limits.memory_bytes == IsolationLimits::kUnlimited;

@@ -12,8 +12,8 @@
 namespace earshot {
 
 /// Some file formats are read by libraries that a damaged file can crash, or lead to write past their buffers, to loop, or to allocate
-/// without bound.  Such a library runs in a process of its own, a small program that reads one file, answers with bytes and ends.  What
-/// goes wrong there is an InputError here, and it cannot write to the memory of the run.
+/// without bound.  Each of these libraries runs in its own process, a small program that reads one file, answers with bytes and ends.  A
+/// failure there becomes an InputError here and cannot damage the memory of the run.
 ///
 /// A program is started (posix_spawn) rather than this process copied (fork): in a process with threads a copy may find a lock held for
 /// ever by a thread that it does not have, OpenBLAS ends its threads while others compute when a process is copied, and copying the page
@@ -24,7 +24,7 @@ struct IsolationLimits {
   static constexpr std::uint64_t kUnlimited = 0;
   std::chrono::milliseconds wall_time{60'000};
   std::uint64_t memory_bytes = std::uint64_t{4} << 30;  ///< that the program may take beyond what it starts with; bounds the answer too
-  const char* worker = "the library that reads it";     ///< what works there, as errors call it
+  const char* worker = "the library that reads it";     ///< name of the library, for error messages
 };
 
 /// More for larger files: libraries were measured to take up to 12 times the size of a file, and to read 10 MB per second.
@@ -47,7 +47,7 @@ int answer_isolated(int argc, char** argv, const std::function<std::string(const
 
 /// Where the program writes its answer.
 inline constexpr int kAnswerDescriptor = 3;
-/// What travels from the program: 32 bytes (magic number, kind, length, XXH3 of the rest), then the answer or the text of the refusal.
+/// Message from the program: 32 bytes (magic number, kind, length, XXH3 of the rest), then the answer or the text of the refusal.
 enum class AnswerKind : std::uint64_t { answer = 1, refusal = 2 };
 std::string answer_header(AnswerKind kind, std::string_view bytes);
 struct Answer {

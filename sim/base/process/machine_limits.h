@@ -5,11 +5,11 @@
 
 namespace earshot {
 
-/// What this machine, or the container in which the process runs, has to give.
+/// Memory and processors of this machine, or of the container in which the process runs.
 struct MachineLimits {
   std::uint64_t memory_bytes = 0;   ///< of all processes together; 0: not known
   std::uint64_t process_bytes = 0;  ///< address space of one process; 0: no limit
-  std::uint64_t mapped_bytes = 0;   ///< of it, what this process has mapped already, its libraries above all
+  std::uint64_t mapped_bytes = 0;   ///< part of it that this process has mapped already, mainly libraries
   int cores = 1;                    ///< that this process may use
 };
 

@@ -16,8 +16,8 @@ std::atomic<int> stop_signal{0};
 static_assert(std::atomic<int>::is_always_lock_free);
 
 void request_stop(int signal) {
-  int none = 0;
-  stop_signal.compare_exchange_strong(none, signal);
+  int no_signal = 0;
+  stop_signal.compare_exchange_strong(no_signal, signal);
 }
 
 }  // namespace

@@ -30,12 +30,12 @@ struct Allowed {
   double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
   bool is_low_open = false, is_high_open = false;
   std::optional<double> other = {};  ///< a value outside of the bounds that is taken too: 0 for "off"
-  std::string_view word = {};        ///< what stands for `other` in a file; empty: only the number does
+  std::string_view word = {};        ///< text that stands for `other` in a file; empty: only the number does
   int multiple = 1;                  ///< whole numbers: a multiple of this
-  int count = 0;                     ///< of a list: how many items; 0: any number
+  int count = 0;                     ///< of a list: number of items; 0: any number
   bool is_interval = false;          ///< of a list of two numbers: the first is not the larger one
   bool accepts_scalar = false;       ///< of a list: a single item may stand without brackets
-  std::string_view wanted = {};      ///< of text: what it is, "the name of a material"; empty: any text
+  std::string_view wanted = {};      ///< of text: its kind, "the name of a material"; empty: any text
   std::string_view reason = {};      ///< why no other value is taken, for messages; may be empty
 
   static constexpr Allowed any() { return {}; }
@@ -108,7 +108,7 @@ std::string number_text(double value);
 std::string type_text(const ConfigKey& key);
 /// "0 to 4", "above 0, at most 60, or auto", "fast, balanced or high"; empty where every value of the type is taken.
 std::string allowed_text(const ConfigKey& key);
-/// What to write instead, for messages: "a whole number from 1 to 1,048,576".
+/// Allowed values, for messages: "a whole number from 1 to 1,048,576".
 std::string wanted_text(const ConfigKey& key);
 
 }  // namespace earshot

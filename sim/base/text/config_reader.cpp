@@ -118,7 +118,7 @@ T parse_value(const YAML::Node& node, const Allowed& allowed) {
   return node.as<T>();
 }
 
-/// Of a message "KEY is VALUE": what to do.
+/// The remedy in a message "KEY is VALUE".
 std::string remedy_for(const ConfigKey& key) {
   return "use " + wanted_text(key) + (key.allowed.reason.empty() ? "" : ": " + std::string(key.allowed.reason));
 }

@@ -18,7 +18,7 @@
 
 namespace earshot {
 
-/// What one key of a config can hold.
+/// Allowed values of one key of a config.
 template <class T>
 concept ConfigValue = std::same_as<T, bool> || std::same_as<T, int> || std::same_as<T, std::uint32_t> || std::same_as<T, std::int64_t> ||
     std::same_as<T, std::uint64_t> || std::same_as<T, float> || std::same_as<T, double> || std::same_as<T, std::string> ||
@@ -46,7 +46,7 @@ class ConfigReader {
   static ConfigReader recorder();
   /// Reads nothing and collects the declarations: described().
   static ConfigReader describer();
-  /// Reads nothing and checks that each value is allowed.  section: what messages put before the keys, "task"; may be empty.
+  /// Reads nothing and checks that each value is allowed.  section: prefix of the keys in messages, "task"; may be empty.
   static ConfigReader checker(const std::string& section);
   /// The key that every YAML file may have at its top.
   static ConfigKey schema_version_key();
@@ -117,7 +117,7 @@ class ConfigReader {
   [[nodiscard]] bool is_describing() const { return mode_ == Mode::describing; }
   /// The map as YAML text, overrides included.
   [[nodiscard]] std::string text() const;
-  /// Of a recorder: what was recorded, as YAML text.
+  /// Of a recorder: the recorded keys as YAML text.
   [[nodiscard]] std::string effective() const;
   /// Of a describer: every key in the order of its reader, without those that are refused.
   [[nodiscard]] std::vector<ConfigKey> described() const;
@@ -144,7 +144,7 @@ class ConfigReader {
 };
 
 /// Throws InputError for the first value that its reader would refuse: the ranges of a config that was not read from a file.
-/// section: what messages put before the keys; may be empty.
+/// section: prefix of the keys in messages; may be empty.
 template <class Config>
 void check_values(const Config& config, const std::string& section) {
   ConfigReader checker = ConfigReader::checker(section);

@@ -12,7 +12,7 @@
 
 #include "sim/base/text/config_key.h"
 
-// What config_reader.cpp knows of the types of values: names, bounds, text.
+// Types of config values for config_reader.cpp: names, bounds, text.
 
 namespace earshot {
 

@@ -13,8 +13,8 @@ struct Counts {
 };
 
 void check(const Counts& counts, const std::string& where, const JsonLimits& limits) {
-  const auto refuse = [&](const char* what, std::size_t most) {
-    throw InputError(where, fmt::format("holds more than {} {}{}", most, what, limits.per_depth > 0 ? " in one entry" : ""),
+  const auto refuse = [&](const char* items, std::size_t most) {
+    throw InputError(where, fmt::format("holds more than {} {}{}", most, items, limits.per_depth > 0 ? " in one entry" : ""),
                      "check that it is the right file");
   };
   if (counts.values > limits.values) refuse("values", limits.values);

@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// How much a parsed JSON text may hold: what a parser makes of it takes up to fifty times the bytes of the text.
+/// Limits on the size of a JSON text: parsed, it takes up to fifty times the bytes of the text.
 struct JsonLimits {
   std::size_t values;  ///< items of lists and maps
   std::size_t texts;   ///< in quotes, keys included

@@ -74,13 +74,15 @@ AirBetween air_between(const Scene& scene, glm::vec3 first, glm::vec3 second) {
   first = brought_near(scene, first);
   second = brought_near(scene, second);
   if (!scene.rays().occluded(first, second)) return AirBetween::joined;
-  Wanderer one(scene, first, 0), two(scene, second, 1);
-  while (one.walks() < kFirstWalks)
-    if (one.meets(two) || two.meets(one) || (one.escaped() > 0 && two.escaped() > 0)) return AirBetween::joined;
-  const bool first_open = 2 * one.escaped() > kFirstWalks, second_open = 2 * two.escaped() > kFirstWalks;
+  Wanderer first_walker(scene, first, 0), second_walker(scene, second, 1);
+  while (first_walker.walks() < kFirstWalks)
+    if (first_walker.meets(second_walker) || second_walker.meets(first_walker) ||
+        (first_walker.escaped() > 0 && second_walker.escaped() > 0))
+      return AirBetween::joined;
+  const bool first_open = 2 * first_walker.escaped() > kFirstWalks, second_open = 2 * second_walker.escaped() > kFirstWalks;
   if (!first_open && !second_open) return AirBetween::apart;
-  Wanderer& enclosed = first_open ? two : one;
-  const Wanderer& outside = first_open ? one : two;
+  Wanderer& enclosed = first_open ? second_walker : first_walker;
+  const Wanderer& outside = first_open ? first_walker : second_walker;
   while (enclosed.walks() < kAllWalks)
     if (enclosed.meets(outside) || enclosed.escaped() > 0) return AirBetween::joined;
   return first_open ? AirBetween::first_outside : AirBetween::second_outside;

@@ -60,15 +60,15 @@ void guess_unit(const Scene& scene, const SceneReport& report, const FileAxes& a
   const double height_m = static_cast<double>(scene.bounds().upper.y - scene.bounds().lower.y);
   const bool is_closed = std::isfinite(report.area_m2) && report.area_m2 > 0;
   const double length_m = is_closed ? 4 * report.volume_m3 / report.area_m2 : height_m;
-  const char* what = is_closed ? "of mean free path" : "of height";
-  guess.unit_why = fmt::format("{:.3g} m {}", length_m, what);
+  const char* measure = is_closed ? "of mean free path" : "of height";
+  guess.unit_why = fmt::format("{:.3g} m {}", length_m, measure);
   if (!(length_m > (is_closed ? kLongestFreePathM : kGreatestHeightM))) return;
   const double usual_m = is_closed ? kRoomFreePathM : kRoomHeightM;
   const auto distance = [&](const FileUnit& unit) { return std::fabs(std::log(length_m / axes.unit_m * unit.unit_m / usual_m)); };
   const FileUnit& best = *std::ranges::min_element(kUnits, {}, distance);
   if (best.unit_m == axes.unit_m) return;
   guess.unit_m = best.unit_m;
-  guess.unit_why = fmt::format("{:.3g} m {} is not plausible for a room; in {} it is {:.3g} m", length_m, what, best.name,
+  guess.unit_why = fmt::format("{:.3g} m {} is not plausible for a room; in {} it is {:.3g} m", length_m, measure, best.name,
                                length_m / axes.unit_m * best.unit_m);
 }
 

@@ -55,8 +55,8 @@ class RuleBook {
   }
 
   /// No material: nothing answers.
-  Decision decide(const std::string& slot, const std::string& node, const std::optional<Material>& own) const {
-    Decision decision = first_rule(slot, node, own);
+  Decision decide(const std::string& slot, const std::string& node, const std::optional<Material>& slot_material) const {
+    Decision decision = first_rule(slot, node, slot_material);
     if (semantics_) decision.choice.has_category = !(semantics_->category_of(slot).empty() && semantics_->category_of(node).empty());
     return decision;
   }
@@ -90,13 +90,13 @@ class RuleBook {
     return nullptr;
   }
 
-  [[nodiscard]] Decision first_rule(const std::string& slot, const std::string& node, const std::optional<Material>& own) const {
+  [[nodiscard]] Decision first_rule(const std::string& slot, const std::string& node, const std::optional<Material>& slot_material) const {
     for (const bool glob : {false, true}) {
       for (const std::string* name : {&slot, &node}) {
         if (const Rule* found = first_match(*name, glob)) return {found->material, {MaterialReason::pattern, found->pattern}};
       }
     }
-    if (own && own_first_) return {&*own, {MaterialReason::own, slot}};
+    if (slot_material && own_first_) return {&*slot_material, {MaterialReason::own, slot}};
     if (semantics_) {
       for (const std::string* name : {&slot, &node}) {
         const std::string category = semantics_->category_of(*name);
@@ -104,7 +104,7 @@ class RuleBook {
         if (!materials.empty()) return {materials.front(), {MaterialReason::category, category}};
       }
     }
-    if (own) return {&*own, {MaterialReason::own, slot}};
+    if (slot_material) return {&*slot_material, {MaterialReason::own, slot}};
     if (default_) return {default_, {MaterialReason::chosen_default, default_->name}};
     if (label_matching_ == LabelMatching::exact) {
       if (const Material* found = find_by_slot_name(database_, slot)) return {found, {MaterialReason::label, slot}};
@@ -128,7 +128,7 @@ class RuleBook {
 }  // namespace
 
 std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& rules, const MaterialDatabase& database,
-                                       const std::vector<std::optional<Material>>& own, const std::string& where,
+                                       const std::vector<std::optional<Material>>& slot_materials, const std::string& where,
                                        std::vector<std::string>& warnings, std::vector<MaterialChoice>* choices) {
   RuleBook book(rules, database, where);
   book.note_matches(mesh.material_names);
@@ -148,7 +148,8 @@ std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& 
     const std::uint32_t slot = mesh.triangle_material[t], node = mesh.triangle_object[t];
     const auto [pair, is_new_pair] = slot_of_pair.try_emplace({slot, node}, 0u);
     if (is_new_pair) {
-      const Decision decision = book.decide(old_names[slot], mesh.object_names[node], slot < own.size() ? own[slot] : no_material);
+      const Decision decision =
+          book.decide(old_names[slot], mesh.object_names[node], slot < slot_materials.size() ? slot_materials[slot] : no_material);
       const Material* material = decision.material;
       const std::string category = decision.category();
       if (!material) {

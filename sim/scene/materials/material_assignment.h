@@ -33,7 +33,7 @@ struct MaterialRules {
 ///   1. a pattern equal to its mesh-material name,   2. a pattern equal to its node name,
 ///   3. a glob (* and ?) on the mesh-material name,  4. a glob on the node name   (each in file order; case counts),
 ///   5. the first candidate of the semantic category of its mesh-material name, else of its node name, if `semantics` are given,
-///   6. `own`, the material that the slot came with (shoebox and house),
+///   6. `slot_materials`, the material that the slot came with (shoebox and house),
 ///   7. `default_material` if it is named,
 ///   8. the database entry whose name or else label equals the mesh-material name, or a '/'-separated component of it, case-folded; with
 ///      legacy_substring, the entry with the most labels inside the mesh-material name, else inside the node name,
@@ -43,7 +43,7 @@ struct MaterialRules {
 /// Patterns that match nothing are appended to `warnings`.  Throws InputError for a material that the database lacks.
 /// where: the file that the rules come from, for messages.  choices: of each slot, appended, if not null.
 std::vector<Material> assign_materials(TriangleMesh& mesh, const MaterialRules& rules, const MaterialDatabase& database,
-                                       const std::vector<std::optional<Material>>& own, const std::string& where,
+                                       const std::vector<std::optional<Material>>& slot_materials, const std::string& where,
                                        std::vector<std::string>& warnings, std::vector<MaterialChoice>* choices = nullptr);
 
 }  // namespace earshot

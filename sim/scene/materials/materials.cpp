@@ -29,8 +29,8 @@ constexpr const char* kVersionKey = "schema_version";
 struct Entry {
   const Json& json;
   std::string where;  // file: material "name"
-  [[noreturn]] void fail(const std::string& key, const std::string& what, const std::string& remedy) const {
-    throw InputError(where + ", key '" + key + "'", what, remedy);
+  [[noreturn]] void fail(const std::string& key, const std::string& problem, const std::string& remedy) const {
+    throw InputError(where + ", key '" + key + "'", problem, remedy);
   }
 };
 
@@ -95,7 +95,7 @@ void read_source(const Entry& entry, Material& material) {
   }
 }
 
-/// What passes a wall cannot be more than what it does not reflect.  Strict without a list of warnings.
+/// A wall cannot transmit more than it does not reflect.  Strict without a list of warnings.
 void limit_transmission(const Entry& entry, Material& material, std::vector<MaterialWarning>* warnings) {
   // Both are lines between their knots, so the difference is largest at a knot of one of them.
   std::set<float> knots(material.absorption.hz.begin(), material.absorption.hz.end());
@@ -106,9 +106,10 @@ void limit_transmission(const Entry& entry, Material& material, std::vector<Mate
     limited.hz.push_back(hz);
     limited.value.push_back(std::min(a, t));
     if (t <= a + 1e-6f) continue;  // 1e-6: rounding of interpolated knots
-    const std::string what = fmt::format("{:.4g} exceeds the absorption {:.4g} at {:.4g} Hz", t, a, hz);
-    if (!warnings) entry.fail("transmission", what, "absorption counts all that is not reflected, so it includes the transmitted fraction");
-    warnings->push_back({material.name, "transmission " + what + "; lowered to the absorption"});
+    const std::string problem = fmt::format("{:.4g} exceeds the absorption {:.4g} at {:.4g} Hz", t, a, hz);
+    if (!warnings)
+      entry.fail("transmission", problem, "absorption counts all that is not reflected, so it includes the transmitted fraction");
+    warnings->push_back({material.name, "transmission " + problem + "; lowered to the absorption"});
   }
   material.transmission = std::move(limited);
 }

@@ -29,7 +29,7 @@ class SemanticMaterials {
   [[nodiscard]] const std::map<std::string, std::vector<std::string>>& all() const { return candidates_; }
   /// The category that a mesh material or a node is called by: the whole name, or one of its '/'-separated components, with letters in
   /// lower case, blanks and hyphens as underscores; then the same without a number at the end (chair_12, Chair.003).  Empty if none.  Never
-  /// a part of a word: `vegetable` is no table, `wall-lamp` is a wall_lamp and no wall.
+  /// a part of a word: `vegetable` is not a table, `wall-lamp` is a wall_lamp and not a wall.
   [[nodiscard]] std::string category_of(std::string_view name) const;
   /// The candidates of a category that `database` has, as pointers into it; empty if there are none.
   [[nodiscard]] std::vector<const Material*> materials_of(const std::string& category, const MaterialDatabase& database) const;

@@ -83,15 +83,16 @@ class PatchFinder {
     EARSHOT_EXPECT(num_sides < kNoTriangle);
     const auto start = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>(side % 3)]; };
     const auto end_of = [&](std::uint32_t side) { return mesh_.triangles[side / 3][static_cast<int>((side + 1) % 3)]; };
-    std::vector<std::uint32_t> first_of(mesh_.vertices.size() + 1, 0), sides(num_sides);
-    for (std::uint32_t side = 0; side < num_sides; ++side) ++first_of[std::min(start(side), end_of(side)) + 1];
-    std::partial_sum(first_of.begin(), first_of.end(), first_of.begin());
-    std::vector<std::uint32_t> next(first_of.begin(), first_of.end() - 1);
+    std::vector<std::uint32_t> first_side_of_vertex(mesh_.vertices.size() + 1, 0), sides(num_sides);
+    for (std::uint32_t side = 0; side < num_sides; ++side) ++first_side_of_vertex[std::min(start(side), end_of(side)) + 1];
+    std::partial_sum(first_side_of_vertex.begin(), first_side_of_vertex.end(), first_side_of_vertex.begin());
+    std::vector<std::uint32_t> next(first_side_of_vertex.begin(), first_side_of_vertex.end() - 1);
     for (std::uint32_t side = 0; side < num_sides; ++side) sides[next[std::min(start(side), end_of(side))]++] = side;
 
     neighbours_.assign(num_sides, kNoTriangle);
-    for (std::size_t vertex = 0; vertex + 1 < first_of.size(); ++vertex) {
-      const auto group = std::span(sides).subspan(first_of[vertex], first_of[vertex + 1] - first_of[vertex]);
+    for (std::size_t vertex = 0; vertex + 1 < first_side_of_vertex.size(); ++vertex) {
+      const auto group =
+          std::span(sides).subspan(first_side_of_vertex[vertex], first_side_of_vertex[vertex + 1] - first_side_of_vertex[vertex]);
       const auto far = [&](std::uint32_t side) { return std::max(start(side), end_of(side)); };
       std::sort(group.begin(), group.end(), [&](std::uint32_t a, std::uint32_t b) { return far(a) != far(b) ? far(a) < far(b) : a < b; });
       for (std::size_t begin = 0, end; begin < group.size(); begin = end) {

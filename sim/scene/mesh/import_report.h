@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What simplification took away and how far it moved the surface.
+/// Triangles that simplification removed, and the largest shift of the surface.
 struct SimplifyReport {
   std::uint64_t triangles_before = 0, triangles_after = 0;
   /// Largest distance of a vertex of the original from the simplified surface of the same material and object, measured on up to 512 evenly

@@ -32,7 +32,7 @@ struct HashWords {
   std::size_t operator()(const std::array<std::uint32_t, 3>& corners) const { return mix(mix(mix(0, corners[0]), corners[1]), corners[2]); }
 };
 
-/// Float coordinates in double: what lies on a line comes out near 1e-16 of the longest edge squared.  A needle is kept while it is a
+/// Float coordinates in double: collinear points give about 1e-16 of the longest edge squared.  A needle is kept while it is a
 /// thousand roundings thicker than that: dropping it would open a crack between its neighbours.
 bool has_area(glm::dvec3 a, glm::dvec3 b, glm::dvec3 c) {
   const double longest2 = std::max({glm::dot(b - a, b - a), glm::dot(c - b, c - b), glm::dot(a - c, a - c)});

@@ -102,7 +102,7 @@ SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
   for (const auto& [key, part] : parts) {
     Corners left = part;
     double moved_m = 0;
-    // The quadric error can be far off on thin and folded parts: what does not measure up is done again with less.
+    // The quadric error can be far off on thin and folded parts: a part with too large an error is simplified again, less.
     for (float target_m = deviation_m; target_m > least_fraction * deviation_m; target_m *= 0.5f) {
       const Corners candidate = simplify_part(mesh, part, target_m);
       const double candidate_m = deviation_of(mesh, part, candidate);

@@ -29,11 +29,11 @@ class Collapse {
   }
 
   void run() {
-    bool any = true;
-    for (int pass = 0; any && pass < kMaxPasses; ++pass) {
-      any = false;
+    bool has_collapsed = true;
+    for (int pass = 0; has_collapsed && pass < kMaxPasses; ++pass) {
+      has_collapsed = false;
       for (std::uint32_t v = 0; v < patch_.vertices.size(); ++v)
-        if (!patch_.is_border[v] && !around_[v].empty()) any = try_collapse(v) || any;
+        if (!patch_.is_border[v] && !around_[v].empty()) has_collapsed = try_collapse(v) || has_collapsed;
     }
     std::size_t kept = 0;
     for (std::size_t t = 0; t < patch_.triangles.size(); ++t)

@@ -45,13 +45,13 @@ void triangulate_polygon(std::span<const glm::vec3> corners, std::vector<std::ui
   std::iota(left.begin(), left.end(), 0u);
   const auto is_ear = [&](std::size_t at) {
     const std::size_t n = left.size();
-    const std::uint32_t before = left[(at + n - 1) % n], here = left[at], after = left[(at + 1) % n];
-    if (!(cross(flat[before], flat[here], flat[after]) > 0)) return false;  // a reflex or straight corner
+    const std::uint32_t previous = left[(at + n - 1) % n], ear = left[at], next = left[(at + 1) % n];
+    if (!(cross(flat[previous], flat[ear], flat[next]) > 0)) return false;  // a reflex or straight corner
     for (const std::uint32_t other : left) {
-      if (other == before || other == here || other == after) continue;
+      if (other == previous || other == ear || other == next) continue;
       const glm::dvec2 p = flat[other];
-      if (p == flat[before] || p == flat[here] || p == flat[after]) continue;  // a seam that joins a hole
-      if (cross(flat[before], flat[here], p) >= 0 && cross(flat[here], flat[after], p) >= 0 && cross(flat[after], flat[before], p) >= 0)
+      if (p == flat[previous] || p == flat[ear] || p == flat[next]) continue;  // a seam that joins a hole
+      if (cross(flat[previous], flat[ear], p) >= 0 && cross(flat[ear], flat[next], p) >= 0 && cross(flat[next], flat[previous], p) >= 0)
         return false;
     }
     return true;

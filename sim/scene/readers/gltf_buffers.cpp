@@ -119,7 +119,7 @@ std::size_t read_size(const Json& json, const char* key, std::optional<std::size
 
 }  // namespace
 
-void GltfAsset::fail(const std::string& what) const { throw InputError(where_, what, "export the file again"); }
+void GltfAsset::fail(const std::string& problem) const { throw InputError(where_, problem, "export the file again"); }
 
 GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(path.string()), bytes_(read_file(path)) {
   std::string_view text = bytes_;
@@ -147,8 +147,8 @@ GltfAsset::GltfAsset(const std::filesystem::path& path) : path_(path), where_(pa
   const auto version = json_["asset"].value("version", std::string());
   if (version != "2" && !version.starts_with("2.")) fail("is not glTF version 2");
 
-  const Json none = Json::array();
-  const Json& buffers = json_.contains("buffers") ? json_["buffers"] : none;
+  const Json no_buffers = Json::array();
+  const Json& buffers = json_.contains("buffers") ? json_["buffers"] : no_buffers;
   for (std::size_t i = 0; i < buffers.size(); ++i) {
     const std::size_t size = read_size(buffers.at(i), "byteLength");
     std::string bytes;

@@ -38,7 +38,7 @@ class GltfAsset {
   };
   [[nodiscard]] Numbers locate(const nlohmann::json& holder, std::size_t count, std::size_t components, int type) const;
   [[nodiscard]] std::string read_uri(const std::string& uri, const std::string& holder) const;
-  [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& problem) const;
 
   std::filesystem::path path_;
   std::string where_;

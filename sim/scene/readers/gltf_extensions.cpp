@@ -43,7 +43,7 @@ bool has_fallback(std::string_view name) {
   return name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression" || name == "KHR_meshopt_compression";
 }
 
-/// Whether a version "major.minor" is above 2.0; what is no version is.
+/// Whether a version "major.minor" is above 2.0; true for text that is not a version.
 bool is_above_2_0(std::string_view version) {
   unsigned major = 0, minor = 0;
   const char* end = version.data() + version.size();

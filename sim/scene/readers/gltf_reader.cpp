@@ -71,14 +71,14 @@ class GltfReader {
 
  private:
   [[nodiscard]] const Json& list(const char* key) const {
-    static const Json none = Json::array();
-    if (!asset_.json().contains(key)) return none;
+    static const Json empty_list = Json::array();
+    if (!asset_.json().contains(key)) return empty_list;
     const Json& found = asset_.json()[key];
     if (!found.is_array()) throw InputError(where_, fmt::format("'{}' is not a list", key), "export the file again");
     return found;
   }
 
-  /// Nodes of the default scene; without scenes, all that are no node's child.
+  /// Nodes of the default scene; without scenes, all root nodes.
   [[nodiscard]] std::vector<std::size_t> roots() const {
     const Json& scenes = list("scenes");
     if (!scenes.empty()) {

@@ -12,7 +12,7 @@
 namespace earshot {
 namespace {
 
-/// The file of map_Kd: what follows its options, blanks in its name included.
+/// The file of map_Kd: the text after its options; the name may contain blanks.
 std::string texture_file(std::string_view rest) {
   for (;;) {
     rest = trimmed(rest);
@@ -63,7 +63,7 @@ void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>
 }
 
 ObjLibraries find_obj_libraries(std::string_view obj, const std::filesystem::path& path) {
-  const std::filesystem::path own = std::filesystem::path(path).replace_extension(".mtl");
+  const std::filesystem::path default_library = std::filesystem::path(path).replace_extension(".mtl");
   ObjLibraries libraries;
   std::set<std::filesystem::path> seen;
   const auto add = [&](std::vector<std::filesystem::path>& list, std::filesystem::path file) {
@@ -72,7 +72,7 @@ ObjLibraries find_obj_libraries(std::string_view obj, const std::filesystem::pat
   const auto add_named = [&](const std::filesystem::path& file) {
     const bool is_there = is_file(file);
     add(is_there ? libraries.found : libraries.missing, file);
-    if (!is_there && is_file(own)) add(libraries.found, own);
+    if (!is_there && is_file(default_library)) add(libraries.found, default_library);
   };
   for (LineScanner lines(obj); lines.next();) {
     std::string_view rest = lines.line();

@@ -20,7 +20,7 @@ struct ObjLook {
   std::string texture;
 };
 
-/// By name, of the text of a material library (MTL).  What it does not understand it leaves out: looks are no geometry.
+/// By name, of the text of a material library (MTL).  Ignores unknown statements, because appearance does not affect geometry.
 void parse_mtl(std::string_view text, std::map<std::string, ObjLook, std::less<>>& looks);
 
 /// The material libraries (mtllib) of an OBJ, each once.

@@ -121,8 +121,8 @@ class ObjParser {
     std::size_t first = 0, count = 0, part = 0;
   };
 
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(where_, fmt::format("line {}: {}", statement_.line, what), "repair the line or export the mesh again");
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(where_, fmt::format("line {}: {}", statement_.line, problem), "repair the line or export the mesh again");
   }
 
   double number(std::string_view word) const {

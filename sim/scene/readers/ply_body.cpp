@@ -28,7 +28,9 @@ double load_number(std::string_view raw, bool big_endian) {
 PlyBody::PlyBody(std::string_view bytes, const PlyHeader& header, const std::string& where)
     : bytes_(bytes.substr(header.body_begin)), body_(header.body), where_(where), lines_(bytes_), lines_before_(header.num_lines) {}
 
-void PlyBody::fail(const std::string& what) const { throw InputError(where_, what, "check the file in a mesh viewer or export it again"); }
+void PlyBody::fail(const std::string& problem) const {
+  throw InputError(where_, problem, "check the file in a mesh viewer or export it again");
+}
 
 bool PlyBody::next_line() {
   while (lines_.next()) {

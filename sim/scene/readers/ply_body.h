@@ -10,8 +10,8 @@
 
 namespace earshot {
 
-/// The numbers behind the header of a PLY file, one after the other.  Throws InputError where the body ends before its header says, and
-/// for text that is no number.
+/// The numbers behind the header of a PLY file, one after the other.  Throws InputError where the body ends before its header says, and for
+/// text that is not a number.
 class PlyBody {
  public:
   PlyBody(std::string_view bytes, const PlyHeader& header, const std::string& where);
@@ -29,7 +29,7 @@ class PlyBody {
  private:
   std::string_view word();
   std::string_view take(std::size_t size);
-  [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& problem) const;
   /// The next line of a text that is neither blank nor a comment.
   bool next_line();
 

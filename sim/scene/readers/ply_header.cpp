@@ -48,8 +48,8 @@ class PlyHeaderParser {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(where_, what, "check the file in a mesh viewer or export it again");
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(where_, problem, "check the file in a mesh viewer or export it again");
   }
   [[noreturn]] void wrong_line() const { fail(fmt::format("PLY header line {} is not valid", header_.num_lines)); }
 

@@ -58,8 +58,8 @@ class PlyParser {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(where_, what, "check the file in a mesh viewer or export it again");
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(where_, problem, "check the file in a mesh viewer or export it again");
   }
 
   void skip(const PlyProperty& property) {

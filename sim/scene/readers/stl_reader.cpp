@@ -30,10 +30,11 @@ glm::vec3 facet_color(std::uint16_t attribute, bool is_materialise) {
 
 MeshFile parse_binary_stl(std::string_view bytes, std::uint32_t count, const std::string& where, const std::string& object,
                           bool with_looks) {
-  const std::size_t there = (bytes.size() - kStlHeaderBytes) / kStlFacetBytes;
-  const std::size_t left = bytes.size() - kStlHeaderBytes - std::min<std::size_t>(count, there) * kStlFacetBytes;
-  if (count > there || (left >= kStlFacetBytes && left % kStlFacetBytes == 0))
-    throw InputError(where, fmt::format("declares {} triangles in its header, but contains {}", count, there), "copy or export it again");
+  const std::size_t stored_facets = (bytes.size() - kStlHeaderBytes) / kStlFacetBytes;
+  const std::size_t left = bytes.size() - kStlHeaderBytes - std::min<std::size_t>(count, stored_facets) * kStlFacetBytes;
+  if (count > stored_facets || (left >= kStlFacetBytes && left % kStlFacetBytes == 0))
+    throw InputError(where, fmt::format("declares {} triangles in its header, but contains {}", count, stored_facets),
+                     "copy or export it again");
   MeshFile file{.parts = {}, .num_faces = 0, .warnings = {}};
   MeshPart part{.object = object, .material = kStlMaterial, .positions = {}, .corners = {}, .has_floats = true};
   const bool is_materialise = bytes.substr(0, 80).find("COLOR=") != std::string_view::npos;
@@ -85,8 +86,8 @@ class StlTextParser {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(where_, fmt::format("line {}: {}", lines_.number(), what), "copy or export it again");
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(where_, fmt::format("line {}: {}", lines_.number(), problem), "copy or export it again");
   }
 
   /// The next word in lower case; false at the end of the text.

@@ -96,7 +96,7 @@ TEST(FieldGrid, TheCellWhereASegmentBeginsTellsWhatRaysTell) {
   double told_m = 0, equal_m = 0, by_rays_m = 0;
   for (const double x : {1.0, 3.5}) {
     glm::vec3 origin = rooms::point(x, 2.1, 1.6), direction = sphere_direction(0.3f, 0.7f);
-    std::uint32_t cell = FieldGrid::none;
+    std::uint32_t cell = FieldGrid::no_cell;
     for (std::uint32_t i = 0; i < 3000; ++i) {
       const Hit hit = room->rays().intersect(origin, direction);
       ASSERT_TRUE(hit.valid());
@@ -128,12 +128,12 @@ TEST(FieldGrid, AirBetweenTwoSheetsIsAGapOfNoCell) {
     rooms::append_quad(mesh, {rooms::point(x, 0, 0), rooms::point(x, 4, 0), rooms::point(x, 4, 3), rooms::point(x, 0, 3)}, 0);
   const auto room = rooms::scene_of(std::move(mesh), {Material::uniform("wall", 0.2f, 1.f)});
   const FieldGrid grid(*room, 1.f);
-  for (const std::uint32_t start : {FieldGrid::none, FieldGrid::gap}) {
+  for (const std::uint32_t start : {FieldGrid::no_cell, FieldGrid::gap}) {
     std::vector<FieldGrid::Crossing> crossings;
     EXPECT_EQ(grid.cross(rooms::point(2.205, 1.1, 0.4), rooms::point(0, 0.6, 0.8), 2.5f, crossings, start), FieldGrid::gap);
     EXPECT_TRUE(crossings.empty());
   }
-  // Beside the sheets it is none: a segment that comes out of a gap has a cell again.
+  // Beside the sheets there is no gap: a segment that leaves a gap has a cell again.
   std::vector<FieldGrid::Crossing> crossings;
   const std::uint32_t end = grid.cross(rooms::point(1.5, 1.1, 0.4), rooms::point(0, 0.6, 0.8), 2.5f, crossings, FieldGrid::gap);
   ASSERT_LT(end, grid.size());

@@ -29,7 +29,7 @@ std::array<std::vector<double>, 2> way_by_side(const DividedRoom& room, const Sc
     glm::vec3 from = point(DividedRoom::kLength * static_cast<double>(u[0]), DividedRoom::kWidth * static_cast<double>(u[1]),
                            DividedRoom::kHeight * static_cast<double>(u[2]));
     glm::vec3 direction = sphere_direction(u[3], random.uniform(100)), last_normal(0);
-    std::uint32_t cell = FieldGrid::none;
+    std::uint32_t cell = FieldGrid::no_cell;
     for (std::uint32_t bounce = 0; bounce < 6; ++bounce) {
       const Hit hit = scene.rays().intersect(from, direction);
       if (!hit.valid()) break;
