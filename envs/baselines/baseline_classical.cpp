@@ -87,12 +87,12 @@ void ClassicalAgent::follow_own_motion(const BaselineObservation& observation) {
     for (int j = -kTrials; j <= kTrials; ++j) {
       const double ahead_m = length_m * i / kTrials, right_m = length_m * j / kTrials;
       if (std::hypot(ahead_m, right_m) > length_m) continue;
-      const PlanarPose there = moved(ahead_m, right_m);
+      const PlanarPose target = moved(ahead_m, right_m);
       // Where all fit alike, it has not moved.
-      const double misfit = grid_.misfit(there, observation.depth) + 0.5 * (std::abs(i) + std::abs(j));
+      const double misfit = grid_.misfit(target, observation.depth) + 0.5 * (std::abs(i) + std::abs(j));
       if (misfit < least) {
         least = misfit;
-        best = there;
+        best = target;
       }
     }
   pose_ = best;
@@ -185,7 +185,7 @@ std::optional<GridCell> ClassicalAgent::choose_target() {
   blocked_.push_back({pose_.x_m, pose_.z_m});
   frontier_ = frontier(bearing_rad);
   frontier_steps_ = 0;
-  if (!frontier_) {  // all is seen: what was given up counts again
+  if (!frontier_) {  // everything is explored: abandoned targets count again
     seen_.clear();
     blocked_.clear();
   }

@@ -24,7 +24,7 @@ class ClassicalAgent : public BaselineMemory {
   void begin() override;
   Action act(const BaselineObservation& observation, const RandomStream& random) override;
 
-  /// What says how near the source is.
+  /// Cue for the distance of the source.
   struct NearnessCues {
     double level_db = -200;  ///< of the louder ear over the last second, per unit of EnvConfig::sound_gain
     double agreement = 0;    ///< of the ears with one direction (InterauralBearing), the mean of the last steps with sound

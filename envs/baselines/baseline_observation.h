@@ -6,7 +6,8 @@
 
 namespace earshot {
 
-/// What an agent without learning senses in one step: no pose, no goal, no map.  Spans are those of BatchedEnv, valid until its next step.
+/// Observation of an agent without learning in one step: no pose, no goal, no map.  Spans are those of BatchedEnv, valid until its next
+/// step.
 struct BaselineObservation {
   std::span<const float> heard = {};  ///< [2, window]: the last second at the left and the right ear; empty: hears nothing
   std::size_t new_samples = 0;        ///< of each ear, at its end: those of the last step

@@ -19,7 +19,7 @@ namespace earshot {
 /// Agents without learning.
 enum class Baseline {
   random,              ///< uniform over the four actions
-  random_oracle_stop,  ///< uniform over forward, left and right; stops where the oracle does: what wandering alone is worth
+  random_oracle_stop,  ///< uniform over forward, left and right; stops where the oracle does: the success of wandering alone
   greedy,              ///< by ear and depth, without a map (baseline_greedy.h)
   classical,           ///< direction by ear, map by depth, frontiers (baseline_classical.h)
   oracle,              ///< follows the geodesic
@@ -33,7 +33,7 @@ bool reads_simulator(Baseline baseline);
 /// "random random_oracle_stop greedy classical oracle": for messages.
 std::string baseline_names();
 
-/// What a baseline keeps of one row between steps.
+/// State of a baseline for one row between steps.
 class BaselineMemory {
  public:
   virtual ~BaselineMemory() = default;

@@ -20,7 +20,7 @@ class BearingMemory {
   }
   /// response: of InterauralBearing, heard at this heading.
   void add(double heading_rad, std::span<const float> response);
-  /// What has been walked through since makes bearings older: to be called once for each step forward.
+  /// Ages the bearings by the distance walked; call once for each step forward.
   void age();
   /// The bearing with most evidence in radians, in (-pi, pi]; nothing before any sound.
   [[nodiscard]] std::optional<double> bearing_rad() const;

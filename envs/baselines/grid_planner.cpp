@@ -47,12 +47,12 @@ void GridPlanner::plan(const OccupancyGrid& grid, GridCell from) {
       for (std::size_t move = 0; move < kMoves.size(); ++move) {
         const int x = cell.x + kMoves[move].x, z = cell.z + kMoves[move].z, times = factor(grid, x, z);
         if (times == 0) continue;
-        const std::int32_t there = cost + times * (move < 4 ? kStraight : kDiagonal);
+        const std::int32_t next_cost = cost + times * (move < 4 ? kStraight : kDiagonal);
         std::int32_t& known = cost_[OccupancyGrid::index(x, z)];
-        if (known >= 0 && known <= there) continue;
-        known = there;
+        if (known >= 0 && known <= next_cost) continue;
+        known = next_cost;
         parent_[OccupancyGrid::index(x, z)] = static_cast<std::int8_t>(move);
-        buckets_[static_cast<std::size_t>(there) % kBuckets].push_back({x, z});
+        buckets_[static_cast<std::size_t>(next_cost) % kBuckets].push_back({x, z});
         ++waiting;
       }
     }

@@ -92,14 +92,14 @@ void OccupancyGrid::add(const PlanarPose& pose, std::span<const float> depth) {
   const auto slope = [&](double column) { return (column + 0.5 - 0.5 * static_cast<double>(width)) / static_cast<double>(focal_px_); };
 
   for (std::size_t x = 0; x < width; ++x) {
-    const double d = static_cast<double>(along_m_[x]), here = slope(static_cast<double>(x));
-    if (d > 0) occupy(cell_of(point_x(d, d * here)), cell_of(point_z(d, d * here)));
+    const double d = static_cast<double>(along_m_[x]), slope_at = slope(static_cast<double>(x));
+    if (d > 0) occupy(cell_of(point_x(d, d * slope_at)), cell_of(point_z(d, d * slope_at)));
     if (x + 1 == width) continue;
-    const double next = static_cast<double>(along_m_[x + 1]), there = slope(static_cast<double>(x + 1));
-    const double apart_m = std::hypot(next - d, next * there - d * here);
+    const double next = static_cast<double>(along_m_[x + 1]), next_slope = slope(static_cast<double>(x + 1));
+    const double apart_m = std::hypot(next - d, next * next_slope - d * slope_at);
     if (d > 0 && next > 0 && apart_m < kSameSurface_m)
       for (double t = 0; t < 1; t += 0.5 * kCell_m / std::max(apart_m, 0.5 * kCell_m)) {
-        const double ahead = d + t * (next - d), right = d * here + t * (next * there - d * here);
+        const double ahead = d + t * (next - d), right = d * slope_at + t * (next * next_slope - d * slope_at);
         occupy(cell_of(point_x(ahead, right)), cell_of(point_z(ahead, right)));
       }
   }

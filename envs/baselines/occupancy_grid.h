@@ -17,12 +17,12 @@ struct PlanarPose {
 };
 
 /// A map of what an agent has seen: square cells that are unknown, free or occupied, from depth pictures of a level pinhole camera and
-/// poses in the map's own frame.  Occupied is what stands between max_climb_m and agent_height_m above the floor; free is what lies before
-/// it and floor that is seen.  What has been seen occupied stays so.
+/// poses in the map's own frame.  A cell is occupied if a surface stands between max_climb_m and agent_height_m above the floor, and free
+/// if it lies before one or its floor is visible.  Occupied cells stay occupied.
 class OccupancyGrid {
  public:
   static constexpr double kCell_m = 0.05;
-  static constexpr int kSize = 640;  ///< cells along a side: 32 m, the start in the middle; what is outside is not mapped
+  static constexpr int kSize = 640;  ///< cells along a side: 32 m, the start in the middle; the area outside is not mapped
   enum class Cell : std::uint8_t { unknown, free, occupied };
 
   OccupancyGrid(const CameraConfig& camera, const NavmeshConfig& body);
@@ -30,7 +30,7 @@ class OccupancyGrid {
   void clear();
   /// depth [height, width] of the camera, in [0, 1].  About 0.1 ms for 64 x 64.
   void add(const PlanarPose& pose, std::span<const float> depth);
-  /// What an agent bumped into: a cell at these coordinates.
+  /// Marks the cell at these coordinates, which an agent bumped into.
   void mark_occupied(double x_m, double z_m);
   /// Sum over what `depth` shows of the distance to the nearest mapped obstacle, in cells, at most kReach each: the pose for which it is
   /// least fits the map best.

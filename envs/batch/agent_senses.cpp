@@ -154,7 +154,7 @@ void AgentSenses::observe(const EnvRun& run, Agent& agent, HearingEngines* engin
   observe_goal(run, agent);
 }
 
-/// What is worked out of the sound at the ears.
+/// Features of the sound at the ears.
 void AgentSenses::observe_sound(Agent& agent, HearingEngines& engines) const {
   SensorRows* const spectrogram = rows_->of(SensorKind::spectrogram);
   SensorRows* const interaural = rows_->of(SensorKind::interaural);
@@ -217,7 +217,7 @@ void AgentSenses::observe_way(Agent& agent) const {
     action->row<std::int32_t>(row)[0] = agent.actions.empty() ? -1 : agent.actions.back();
 }
 
-/// What no agent could sense.
+/// Privileged sensors.
 void AgentSenses::observe_goal(const EnvRun& run, Agent& agent) const {
   SensorRows* const oracle = rows_->of(SensorKind::oracle_action);
   SensorRows* const goal_state = rows_->of(SensorKind::goal_state);

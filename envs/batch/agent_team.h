@@ -20,7 +20,8 @@ class AgentTeam {
   /// the thread, 0 for the caller, up to the number of helpers.  body must not throw.  Takes no memory, whatever body captures.
   template <class Body>
   void run(std::size_t count, const Body& body) {
-    run_calls(count, &body, [](const void* of, std::size_t item, std::size_t member) { (*static_cast<const Body*>(of))(item, member); });
+    run_calls(count, &body,
+              [](const void* context, std::size_t item, std::size_t member) { (*static_cast<const Body*>(context))(item, member); });
   }
 
  private:

@@ -35,7 +35,7 @@ class BatchRows {
   /// The observed sensors; it leaves out rows that are only kept.
   [[nodiscard]] std::span<const SensorSpec> table() const { return table_; }
   [[nodiscard]] std::size_t num_rows() const { return num_rows_; }
-  /// Rows of a sensor, also of one that is only kept: bytes of [rows, shape].  Empty where there is no such sensor.  O(sensors).
+  /// Rows of a sensor, also of one that is only kept: bytes of [rows, shape].  Empty without this sensor.  O(sensors).
   [[nodiscard]] std::span<const std::byte> now(std::string_view sensor) const;
   /// The same of the observations in which the last episodes ended.
   [[nodiscard]] std::span<const std::byte> last(std::string_view sensor) const;

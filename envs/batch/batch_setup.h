@@ -33,7 +33,7 @@ struct BatchSetup {
     return static_cast<std::uint32_t>(first_env) + static_cast<std::uint32_t>(env);
   }
   [[nodiscard]] std::size_t num_rows() const { return size_of(num_envs) * per_env; }
-  /// Samples of the analysed window: what is heard at the start of an episode.
+  /// Samples of the analysed window: the sound at the start of an episode.
   [[nodiscard]] int window_samples() const { return config.observation.sound.num_samples; }
 };
 

@@ -57,8 +57,8 @@ struct BatchedEnv::Impl {
     return {.setup = setup, .rows = rows, .faults = faults, .senses = senses, .entry = entry, .engines = engines};
   }
   [[nodiscard]] int num_threads() const { return setup.config.threads > 0 ? setup.config.threads : tbb::info::default_concurrency(); }
-  /// Threads that envs leave over share the agents of each.  A stage that is given up takes its thread with it, so with a limit there are
-  /// none of these.
+  /// Threads that envs leave over share the agents of each.  An abandoned stage keeps its thread, so there are no helper threads with a
+  /// time limit.
   [[nodiscard]] std::size_t helpers_per_env() const {
     if (setup.per_env <= 1 || setup.config.stage_limit_s != 0) return 0;
     const std::size_t threads_per_env = size_of(num_threads()) / size_of(setup.num_envs);
@@ -94,8 +94,8 @@ struct BatchedEnv::Impl {
 
 namespace {
 
-[[noreturn]] void refuse_state(const std::string& what) {
-  throw InputError("environment state", what, "restore it with the same episode set, seed and batch");
+[[noreturn]] void refuse_state(const std::string& problem) {
+  throw InputError("environment state", problem, "restore it with the same episode set, seed and batch");
 }
 
 }  // namespace

@@ -58,21 +58,22 @@ struct AgentPlace {
 };
 
 /// num_envs scenes with config.agents agents each, stepped together.  Buffers are flat [rows, ...], owned here, valid until the env's next
-/// step; a row is one agent of one env, row = env * agents + agent.  Results are a function of (set, config, global env id) and of what the
-/// env was asked to do: not of threads, of how a batch is split, nor of the order in which envs are sent.
+/// step; a row is one agent of one env, row = env * agents + agent.  Results depend only on the episode set, the config, the global env id
+/// and the actions.  They do not depend on the number of threads, on how a batch is split, or on the order of send() calls.
 ///
-/// Agents of one env look for the same goals.  In a step they all move, by number, none through another, and then each hears and sees where
-/// the others have come to: their sounds but not its own, and their bodies.  One whose part has ended (stop, out of steps) stays where it
-/// is, sounding, inactive and with rows of zeros, until all have; then the episode of the env ends.
+/// Agents of one env look for the same goals.  In a step they move in the order of their numbers without passing through each other.  Then
+/// each hears the sounds of the others, not its own, and sees their bodies at the new positions.  A finished agent (stop, out of steps)
+/// stays in place, still sounding, inactive and with rows of zeros, until all have finished; then the episode of the env ends.
 ///
-/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  One that cannot begin is skipped:
-/// the env draws another (`random`) or takes its next (`once`).  One that goes wrong in a step, by a value that is not finite or by any
-/// exception, ends in that step: reward 0, truncated, marked in quarantined(), all its final rows zero; what follows is as after any other
-/// episode; of several agents it ends for all.  Buffers hold finite numbers only.  A stage that exceeds config.stage_limit_s ends its
-/// episode so too, and the env is idle until the stage returns.  reset(), step() and recv() throw InputError where 64 draws in a row cannot
+/// Quarantine: an episode with a fault (quarantine.h) never reaches a policy and never ends a run.  An episode that cannot begin is
+/// skipped: the env draws another (`random`) or takes its next (`once`).  If a step produces a non-finite value or throws, the episode ends
+/// at once
+/// for all of its agents: reward 0, truncated, marked in quarantined(), all final rows zero.  The next episode starts as usual.  Buffers
+/// hold finite numbers only.  A stage that exceeds config.stage_limit_s ends its episode in the same way, and the env is idle until the
+/// stage returns.  reset(), step() and recv() throw InputError where 64 draws in a row cannot
 /// begin, where 64 episodes of an env in a row go wrong (`random`), or where of a whole set no episode could begin (`once`).
 ///
-/// Used by one thread at a time.  Calls throw std::logic_error, std::invalid_argument or std::out_of_range for what a caller can get wrong;
+/// Used by one thread at a time.  Calls throw std::logic_error, std::invalid_argument or std::out_of_range for a mistake of the caller;
 /// then nothing has moved.
 class BatchedEnv {
  public:
@@ -87,7 +88,7 @@ class BatchedEnv {
   /// an env with a seed of its own begins the first episode of that seed's sequence, which (EpisodeOrder::random) is the same in any env of
   /// any batch; without, the next episode of its own.  An env whose stage has been given up and still runs stays out of the batch.
   void reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds = {});
-  /// actions: [rows] in [0, 4).  What an ended episode leads to: config.autoreset; its last observation is in the final rows.  Idle
+  /// actions: [rows] in [0, 4).  config.autoreset decides what follows an ended episode; its last observation is in the final rows.  Idle
   /// envs (EpisodeOrder::once, no episode left) and agents that wait ignore their action.
   void step(std::span<const std::int32_t> actions);
 
@@ -112,20 +113,20 @@ class BatchedEnv {
   [[nodiscard]] std::span<const std::uint8_t> truncated() const;   ///< out of steps: bootstrap from the final observation
   [[nodiscard]] std::span<const std::uint8_t> active() const;      ///< 0: idle, or waits for the other agents
   [[nodiscard]] std::span<const std::uint8_t> collided() const;
-  /// 1: the episode was quarantined in the last step.  Its steps are no experience: mask them, without a bootstrap value.
+  /// 1: the episode was quarantined in the last step.  Mask its steps in training, without a bootstrap value.
   [[nodiscard]] std::span<const std::uint8_t> quarantined() const;
-  /// 1: the agent took its action in the last step.  0: idle, waiting, or the step began an episode; such a step is no experience.
+  /// 1: the agent took its action in the last step.  0: idle, waiting, or the step began an episode; do not train on this row.
   [[nodiscard]] std::span<const std::uint8_t> acted() const;
   /// Episodes that ended in the last step or are of the envs that recv() handed back, by env.
   [[nodiscard]] std::span<const FinishedEpisode> finished() const;
 
-  /// For baselines and pages: state that is no observation.  `row` counts from 0 in this batch; throws std::out_of_range for another.
+  /// State outside the observations, for baselines and pages.  `row` counts from 0 in this batch; throws std::out_of_range for another.
   [[nodiscard]] AgentPlace agent(int row) const;
   /// The source at its goal.  Throws std::logic_error where the agent has no episode, as goal().
   [[nodiscard]] const EnvSource& source(int row) const;
   /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
   [[nodiscard]] NearestGoal goal(int row) const;
-  /// Sums since construction, up to the tasks whose environments were handed back.  At any time.
+  /// Sums since construction over all returned tasks.  May be called at any time.
   [[nodiscard]] BatchCounters counters() const;
   /// Episodes taken out of the run, by reason, and what became of their files.  At any time.
   [[nodiscard]] QuarantineCounters quarantine_counters() const;

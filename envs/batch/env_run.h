@@ -68,7 +68,7 @@ enum class EpisodePhase : std::uint8_t {
   voided,   ///< the same of one that was quarantined
 };
 
-/// The episode of one env and its agents: what the stages of a step share.  Threads as Agent.
+/// The episode of one env and its agents, shared by the stages of a step.  Threads as Agent.
 struct EnvRun {
   EpisodePhase phase = EpisodePhase::idle;
   int steps = 0;  ///< of the episode

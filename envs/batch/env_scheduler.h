@@ -18,7 +18,7 @@
 
 namespace earshot {
 
-/// The calls of BatchedEnv that move environments: which tasks run when, on which threads, and what of them is handed back.  Arguments,
+/// The calls of BatchedEnv that move environments: the order and threads of tasks, and the envs that are returned.  Arguments,
 /// results and errors are those of the calls of BatchedEnv with the same name.
 ///
 /// Every call submits the tasks of some envs to the workers, waits for them (send() leaves that to recv()), draws the pictures that they
@@ -66,7 +66,7 @@ class EnvScheduler {
   void check_action(std::size_t row, std::int32_t action) const;
   /// Throws std::logic_error where the thread of a task that was given up still uses the env.
   void require_settled(std::size_t env, const char* call);
-  /// Whether the env takes part.  One whose task was given up comes back here, once that task has returned.
+  /// Whether the env takes part.  An env with an abandoned task returns here once that task has ended.
   bool takes_part(std::size_t env);
   /// Makes the env ready for its next step and submits it.  False: it takes no part, and its flags are cleared.
   bool submit_step(std::size_t env, std::span<const std::int32_t> actions);

@@ -19,7 +19,7 @@ using nlohmann::json;
 
 constexpr int kStateVersion = 2;
 
-[[noreturn]] void fail(const std::string& what) { throw InputError("environment state", what, "use another checkpoint"); }
+[[noreturn]] void fail(const std::string& problem) { throw InputError("environment state", problem, "use another checkpoint"); }
 
 }  // namespace
 

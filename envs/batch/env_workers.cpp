@@ -22,14 +22,14 @@ using Clock = std::chrono::steady_clock;
 
 /// Tasks that a thread takes at once, at most.
 constexpr std::size_t kMaxAtOnce = 8;
-/// Threads that stand in for those whose tasks were given up and still run: beyond that many the batch has none left.
+/// Largest number of threads that replace those of abandoned tasks that still run; then the batch ends.
 constexpr std::size_t kMaxReplacements = 64;
 /// A batch without sound and picture takes some ten microseconds, and so does waking a thread: this long a thread looks for work before
 /// it sleeps.
 constexpr int kWorkerSpins = 2000;
 constexpr std::uint32_t kNothing = 0, kGivenUp = ~std::uint32_t{0};
 
-/// What a worker is at, in one word, so that a task is either given up or goes on: the environment + 1 below, stages begun above.
+/// State of a worker in one word, so that a task is either abandoned or continues: the environment + 1 below, stages begun above.
 constexpr std::uint64_t at_work(std::uint32_t env, std::uint64_t stages) { return stages << 32 | env; }
 constexpr std::uint32_t env_of(std::uint64_t state) { return static_cast<std::uint32_t>(state); }
 
@@ -40,8 +40,8 @@ struct alignas(64) Worker {
 }  // namespace
 
 struct EnvWorkers::Shared {
-  Shared(int thread_count, std::size_t envs, double limit_s, Task what)
-      : task(std::move(what)),
+  Shared(int thread_count, std::size_t envs, double limit_s, Task stage_task)
+      : task(std::move(stage_task)),
         stage_limit_s(limit_s),
         mask(std::bit_ceil(envs) - 1),
         queue(mask + 1),
@@ -167,8 +167,8 @@ struct EnvWorkers::Shared {
           given_up.fetch_sub(1, std::memory_order_relaxed);  // it has begun another stage, or is done
           continue;
         }
-        for (auto& [of, thread] : threads)
-          if (of == number) thread.detach();
+        for (auto& [worker_number, thread] : threads)
+          if (worker_number == number) thread.detach();
         std::erase_if(threads, [&](const auto& item) { return item.first == number; });
         if (!start_thread(self) && threads.empty()) hopeless.store(true, std::memory_order_release);
         complete(env - 1, true);

@@ -20,14 +20,14 @@ struct CompletedEnv {
 /// handing back are loads and stores of atomics; threads that find nothing to do sleep in the kernel.  Used by one thread at a time.
 class EnvWorkers {
  public:
-  /// What is done for one environment.  worker: of the thread that runs it, in [0, num_workers()); never two at a time with the same
+  /// Task for one environment.  worker: of the thread that runs it, in [0, num_workers()); never two at a time with the same
   /// number.  Must not throw.
   using Task = std::function<void(std::size_t env, std::size_t worker)>;
 
   /// threads: at least 1.  stage_limit_s: a task that calls beat() less often is given up: its thread is replaced, and others of the batch
   /// go on.  0: none is given up, and the thread that waits runs tasks too, as one of `threads`.
   EnvWorkers(int threads, std::size_t num_envs, double stage_limit_s, Task task);
-  /// Waits for what runs, except for tasks that were given up (tasks_given_up()): what those use must stay.
+  /// Waits for running tasks, except for abandoned ones (tasks_given_up()); the data that those use must stay alive.
   ~EnvWorkers();
   EnvWorkers(const EnvWorkers&) = delete;
   EnvWorkers& operator=(const EnvWorkers&) = delete;
@@ -37,14 +37,14 @@ class EnvWorkers {
   /// The next environment that is done; waits for it.  One must be under way.  Throws RunError where so many tasks are given up that no
   /// thread is left.
   CompletedEnv next();
-  /// One that is done already; none where all are still under way.
+  /// A finished one; nullopt if all are still running.
   std::optional<CompletedEnv> done_already();
   /// next() for every environment that is under way.  done: called for each, in any order.
   template <class Done>
   void finish(const Done& done) {
     while (num_under_way() > 0) done(next());
   }
-  /// With all threads of their own: between submit() and next() the calling thread does something else.
+  /// With separate threads: between submit() and next() the calling thread does other work.
   void run_in_background();
 
   [[nodiscard]] std::size_t num_under_way() const;

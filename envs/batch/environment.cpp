@@ -86,7 +86,7 @@ void Environment::clear_rows() {
 
 bool Environment::goes_on() {
   if (workers_->beat(worker_)) return true;
-  clear_rows();  // given up meanwhile: what the stage has left in the rows of an env that is out of the batch is no observation
+  clear_rows();  // abandoned meanwhile: the rows of an env outside the batch are not an observation
   return false;
 }
 
@@ -182,7 +182,7 @@ void Environment::begin_task(HearingEngines* engines) {
     restore(engines);
   else
     begin_next_episode(engines);
-  // The action of an env that comes back has not been used: its rows are no experience, and belong to no episode before.
+  // A returning env has not used its action: its rows must not be trained on, and belong to no earlier episode.
   if (job_ == Job::rejoin && run_.has_episode())
     for (Agent& agent : run_.agents) agent.outcome.truncated = agent.outcome.quarantined = true;
   clock.book(Stage::reset);
@@ -222,7 +222,7 @@ void Environment::begin_next_episode(HearingEngines* engines) {
 
 void Environment::begin_episode(std::uint64_t episode_index, int episode_count, HearingEngines* engines) {
   parts_.entry.prepare(run_, episode_index, episode_count);
-  // What an env that is given up did, and in which episode, is read while its stage still runs: it is known from here on.
+  // The actions and the episode of an abandoned env are read while its stage still runs: it is known from here on.
   if (!goes_on()) return;
   parts_.faults.guard(run_.agents.front(), Fault::scene, [&] {
     parts_.entry.enter(run_);

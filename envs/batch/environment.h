@@ -19,14 +19,14 @@
 
 namespace earshot {
 
-/// What the next task of an env does.
+/// Next task of an env.
 enum class Job : std::uint8_t {
   step,     ///< the actions, or the next episode where one has ended and Autoreset::next_step begins it
   first,    ///< the first episode of its sequence
   next,     ///< the next one
-  rejoin,   ///< the next one, by a step after a task that was given up: the step is no experience
+  rejoin,   ///< the next one, by a step after an abandoned task: the step must not be trained on
   begin,    ///< the episode that name_episode() has named
-  restore,  ///< what the cursor says
+  restore,  ///< state of the cursor
 };
 
 /// The objects that all envs of a batch share.
@@ -39,7 +39,7 @@ struct EnvParts {
   EnginePool& engines;
 };
 
-/// What a task leaves for the thread that gathers.
+/// Result of a task for the gathering thread.
 struct TaskResults {
   std::vector<FinishedEpisode> ended;          ///< in this task, by agent
   std::vector<FinishedEpisode> failed_starts;  ///< EpisodeOrder::once: not yet among the finished
@@ -69,8 +69,8 @@ class Environment {
   void seed(std::uint64_t seed, std::uint32_t stream);
   /// The episode of Job::begin.
   void name_episode(std::uint64_t episode_index, int episode_count);
-  /// The actions [agents] of a step; does nothing for another job.  Here and not in the task: what an env that is given up did is written
-  /// to a file while its stage still runs.
+  /// The actions [agents] of a step; does nothing for another job.  Not in the task: the actions of an abandoned env are written to a file
+  /// while its stage still runs.
   void take_actions(std::span<const std::int32_t> actions);
   /// Does the job and publishes its rows, unless it is given up meanwhile.  Does not throw: see TaskResults::error.
   void run_task(EnvWorkers& workers, std::size_t worker);

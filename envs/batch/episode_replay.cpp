@@ -8,7 +8,7 @@
 namespace earshot {
 namespace {
 
-[[noreturn]] void refuse_damaged(const char* what) { throw InputError("environment state", what, "use another checkpoint"); }
+[[noreturn]] void refuse_damaged(const char* problem) { throw InputError("environment state", problem, "use another checkpoint"); }
 
 }  // namespace
 

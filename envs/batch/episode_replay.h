@@ -15,8 +15,8 @@ namespace earshot {
 /// Brings the agents of one env, who have just entered their episode, to where a cursor says: walks its actions again, and leaves them with
 /// the same state and the same bits in all observations.
 ///
-/// Costs a walk of the whole episode, and a response for each pose of the last window of sound.  Poses before are walked, not rendered:
-/// what is heard depends on the poses of that window, and on the two steps before, by which paths arrive and which of them glide
+/// Costs a walk of the whole episode, and a response for each pose of the last window of sound.  Earlier poses are walked, not rendered:
+/// the sound depends on the poses of that window, and on the two steps before, by which paths arrive and which of them glide
 /// (PathGlider::choose).
 class EpisodeReplay {
  public:

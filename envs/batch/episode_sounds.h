@@ -40,7 +40,7 @@ class EpisodeSounds {
 
   std::vector<Sound> sounds_;
   std::vector<std::shared_ptr<const EnvSource>> sources_;  ///< of sounds at rest, where the episode names them
-  std::vector<PlayedSound> played_;                        ///< what one agent hears; a member so that its storage is kept
+  std::vector<PlayedSound> played_;                        ///< sound of one agent; a member, to reuse its storage
 };
 
 }  // namespace earshot

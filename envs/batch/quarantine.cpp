@@ -81,7 +81,7 @@ std::string encode(const QuarantineRecord& record) {
 }
 
 QuarantineRecord decode_quarantine_record(std::string_view text, const std::string& where) {
-  const auto fail = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
+  const auto fail = [&](const std::string& problem) { throw InputError(where, problem, kRemedy); };
   check_json_depth(text, where);
   QuarantineRecord record;
   try {

@@ -19,7 +19,7 @@ namespace earshot {
 
 /// Why an episode was taken out of a run.  Append only: files hold the names.
 enum class Fault : std::uint8_t {
-  scene,        ///< its scene, its source or its start cannot be made: the file is gone or damaged, nothing is walkable
+  scene,        ///< its scene, source or start is unavailable: the file is missing or damaged, nothing is walkable
   path,         ///< no walkable path leads from its start to its goal
   distance,     ///< on the way, the distance to the goal was not finite or was not available
   reward,       ///< not finite, as all that follow
@@ -41,7 +41,7 @@ struct FaultReport {
   std::string detail;  ///< one line
 };
 
-/// What a stage of the environment made, before it is checked.
+/// Output of a stage of the environment, before it is checked.
 struct StageOutput {
   Fault kind;  ///< the fault it would be: distance, reward, pose (x, y, z, heading), depth, rir, sound, spectrogram or pointgoal
   int env;     ///< global env id
@@ -70,7 +70,7 @@ struct QuarantineRecord {
   FaultReport report;
   std::string engine;  ///< commit of the build
   std::uint64_t set_hash = 0, seed = 0, episode_index = 0;
-  int env = 0, episode_count = 0;    ///< global env id, and how many episodes it had begun before: they fix where the sound begins
+  int env = 0, episode_count = 0;    ///< global env id, and the number of its earlier episodes: both decide where the sound begins
   int step = 0;                      ///< at which the fault was found; 0: before the agent could act
   std::vector<std::int8_t> actions;  ///< of the first agent
   Episode episode;

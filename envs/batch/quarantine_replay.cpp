@@ -17,7 +17,7 @@ EnvConfig config_of(const QuarantineRecord& record, const std::vector<std::strin
   ConfigReader reader = ConfigReader::from_text(record.config, "config of the quarantined episode", overrides);
   read(reader, config);
   reader.finish();
-  // What changes no bit, and what must not happen here.
+  // Settings that change no bit, and settings that are invalid here.
   config.threads = 1;
   config.prefetch = false;
   config.quarantine_dir.clear();

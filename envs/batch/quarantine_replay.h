@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// What a quarantined episode did when it was run again.
+/// Result of running a quarantined episode again.
 struct ReplayOutcome {
   std::optional<FaultReport> fault;  ///< of this run; none: the recorded steps went through
   int step = 0;                      ///< at which the fault was found, or steps that went through

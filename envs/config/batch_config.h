@@ -30,8 +30,8 @@ struct BatchParts {
   std::shared_ptr<SceneCache> scenes;
 };
 
-/// Reads YAML (JSON is part of it).  A run config, which has the sections `env` and `data`: those two are read, of data the part `split`;
-/// what else it holds is for `earshot train`.  Otherwise: the keys of an env section at the top, and the episodes under `episodes`.
+/// Reads YAML (JSON is part of it).  A run config, with the sections `env` and `data`: reads those two, of data the part `split`; the other
+/// sections are for `earshot train`.  Otherwise: the keys of an env section at the top, and the episodes under `episodes`.
 ///
 /// Episodes: `scenes`, and as in a run config `sounds`, episodes_per_scene, goals_per_scene, seed, filter, scenario and agents: made here,
 /// in memory, the same as `earshot train` makes for the same keys; or without scenes `file`, a set to read.

@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// What env.accuracy comes to for the episodes of a set.
+/// Acoustic settings that meet env.accuracy for the episodes of a set.
 struct EnvAccuracy {
   EnvConfig config;   ///< accuracy empty, acoustics with what was chosen: the same observations without a planner
   AccuracyPlan plan;  ///< tried and predicted
@@ -17,9 +17,10 @@ struct EnvAccuracy {
 };
 
 /// The cheapest acoustics within config.accuracy (AccuracyTarget), chosen in up to three scenes of the set, evenly spread over its list of
-/// scenes: one goal of each, at places along the way from its episode's start.  Errors are the largest of these scenes', so a livelier or
-/// larger scene of the set may err by more.  A field costs once per goal and serves the responses of its episodes, each as many steps as
-/// its oracle takes and at least kStepsPerEpisode; what else is asked of acoustics, rir_length_s among it, stays.
+/// scenes: one goal of each, at places along the way from its episode's start.  Errors are the largest of these scenes; a more reverberant
+/// or larger scene of the set may have larger errors.  A field costs once per goal and serves the responses of its episodes, each as many
+/// steps as
+/// its oracle takes and at least kStepsPerEpisode; other settings of the acoustics, such as rir_length_s, stay.
 ///
 /// config.accuracy must not be empty.  Cost: seconds to a minute or two a scene.  Throws InputError as AccuracyTarget::parse and
 /// plan_accuracy, and for scenes and goals that cannot be loaded.

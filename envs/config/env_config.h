@@ -18,7 +18,7 @@ class SceneCache;
 /// How envs draw episodes: at random without end, or each episode of the set exactly once (env e of n takes e, e + n, ...).
 enum class EpisodeOrder { random, once };
 
-/// What happens when an episode of an env has ended.
+/// Behaviour of an env after the end of an episode.
 enum class Autoreset {
   same_step,  ///< the step that ends it begins the next one: its row of observations is the first of the new episode
   next_step,  ///< the next step begins the next one and ignores the action: reward 0, no flags
@@ -30,7 +30,7 @@ struct EnvConfig {
   TaskConfig task;
   ObservationSpec observation;
   AcousticConfig acoustics;
-  /// "t20=10%,drr=2dB" (AccuracyTarget): what the acoustics are to be as accurate as, in place of their rays, images and fields.  Empty:
+  /// "t20=10%,drr=2dB" (AccuracyTarget): required accuracy of the acoustics; replaces their rays, images and fields.  Empty:
   /// acoustics decides.  Environments take a config in which plan_env_accuracy (env_accuracy.h) has replaced it by its choice.
   std::string accuracy;
   NavmeshConfig navmesh;

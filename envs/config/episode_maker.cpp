@@ -31,7 +31,7 @@ std::vector<Episode> EpisodeMaker::make(const std::string& name) {
                                .num_goals = data_.goals_per_scene};
   auto episodes = generate_episodes(name, *scene->scene, scene->navmesh, request);
   if (data_.scenario.changes_episodes()) {
-    // Distractors stand where goals of the scene may: what is made once per source serves both.
+    // Distractors use the positions of goals, so that data computed once per source serves both.
     std::vector<glm::dvec3> places;
     if (data_.scenario.distractors > 0) {
       EpisodeRequest distractor_request = request;

@@ -10,7 +10,7 @@
 namespace earshot {
 
 /// Whether environments over a set of episodes take the late sound of a source from its field (acoustics.field) or trace rays at each
-/// pose: which is less work over all steps.  Counted in listener rays, so that neither the scenes nor the machine have a part in it.
+/// pose: by the smaller work over all steps.  Work is counted in listener rays, so it does not depend on the scenes or the machine.
 struct FieldChoice {
   bool on = false;
   std::string unfit;                       ///< why no field can be; empty: one can
@@ -23,7 +23,7 @@ struct FieldChoice {
 
 /// acoustics.field is `automatic` or on.  steps: of all agents and workers together; 0: each episode once, as many steps as its oracle
 /// needs and at least kStepsPerEpisode.  A function of its arguments alone: workers and resumed runs come to the same.
-/// Photons: (1.8 / field_error)^2, what furnished houses need (docs/explanation/estimators.md, section 10); a photon costs as much as 2.5
+/// Photons: (1.8 / field_error)^2, as furnished houses need (docs/explanation/estimators.md, section 10); a photon costs as much as 2.5
 /// rays, which is measured (docs/evidence/hearing_cost.md), and a gather as much as 2.5; two of five steps of a policy lead to a new place.
 /// A field has to halve the work, as the effect plan asks too.
 FieldChoice choose_field(const AcousticConfig& acoustics, const EpisodeSet& set, double steps);

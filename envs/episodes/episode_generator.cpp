@@ -59,9 +59,9 @@ std::optional<Episode> draw_episode(const RandomStream& random, const Scene& sce
   if (!path_m || !passes(filter, *path_m, straight_m)) return std::nullopt;
   if (!(stands_free(scene, start, task.ear_height_m) && stands_free(scene, goal, task.source_height_m))) return std::nullopt;
 
-  std::optional<GeodesicField> own;
-  if (shared.places.empty()) own.emplace(navmesh, goal);
-  const GeodesicField& field = own ? *own : shared.field_of(navmesh, which);
+  std::optional<GeodesicField> masked_field;
+  if (shared.places.empty()) masked_field.emplace(navmesh, goal);
+  const GeodesicField& field = masked_field ? *masked_field : shared.field_of(navmesh, which);
   const auto geodesic_m = field.distance_m(start);
   if (!geodesic_m || !std::isfinite(*geodesic_m) || !passes(filter, *geodesic_m, straight_m)) return std::nullopt;
   const auto turns = static_cast<double>(random.below(static_cast<std::uint32_t>(turns_per_circle(task)), EpisodeDraw::heading));

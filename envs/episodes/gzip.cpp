@@ -31,8 +31,8 @@ void feed(z_stream& stream, std::string_view bytes, std::size_t& consumed) {
   consumed += size;
 }
 
-[[noreturn]] void fail(const std::string& where, const std::string& what) {
-  throw InputError(where, what, "download or write the file again");
+[[noreturn]] void fail(const std::string& where, const std::string& problem) {
+  throw InputError(where, problem, "download or write the file again");
 }
 
 }  // namespace

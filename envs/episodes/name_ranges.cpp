@@ -49,7 +49,7 @@ std::vector<std::string> expand_range(const std::string& text) {
 std::vector<std::string> expand_ranges(const std::vector<std::string>& texts) {
   std::vector<std::string> all;
   for (const std::string& text : texts)
-    for (std::string& one : expand_range(text)) all.push_back(std::move(one));
+    for (std::string& name : expand_range(text)) all.push_back(std::move(name));
   return all;
 }
 

@@ -70,16 +70,16 @@ void apply_scenario(const SoundScenario& scenario, std::span<const std::string> 
     std::vector<glm::dvec3> free;
     std::copy_if(places.begin(), places.end(), std::back_inserter(free),
                  [&](glm::dvec3 place) { return glm::distance(place, episode.goal_position) >= kFromTheGoalM; });
-    std::vector<std::string> others;
-    std::copy_if(sounds.begin(), sounds.end(), std::back_inserter(others),
+    std::vector<std::string> other_sounds;
+    std::copy_if(sounds.begin(), sounds.end(), std::back_inserter(other_sounds),
                  [&](const std::string& sound) { return sound != episode.sound; });
-    if (scenario.distractors > 0 && (free.empty() || others.empty()))
+    if (scenario.distractors > 0 && (free.empty() || other_sounds.empty()))
       throw InputError(episode.scene_id, "has no free position for a distractor, or the set has no second sound",
                        "give more sounds, use a larger scene, or set scenario.distractors to 0");
     for (int i = 0; i < scenario.distractors; ++i) {
       const std::uint32_t draw = SoundDraw::first_distractor + 2 * static_cast<std::uint32_t>(i);
       episode.sources.push_back({.position = free[random.below(static_cast<std::uint32_t>(free.size()), draw)],
-                                 .sound = others[random.below(static_cast<std::uint32_t>(others.size()), draw + 1)],
+                                 .sound = other_sounds[random.below(static_cast<std::uint32_t>(other_sounds.size()), draw + 1)],
                                  .level_db = scenario.distractor_level_db});
     }
   }

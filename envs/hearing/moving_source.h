@@ -19,7 +19,7 @@ struct TimedPlace {
 /// A source that moves: along a path, or carried by an agent.  The candidates of a place are made once, for all that listen.
 class MovingSource {
  public:
-  /// path: by rising samples; empty: whoever carries it says where it is.  home: where it is before it moves.
+  /// path: by rising samples; empty: its carrier states the position.  home: its position before it moves.
   MovingSource(std::shared_ptr<const EnvScene> scene, glm::vec3 home, std::vector<TimedPlace> path = {})
       : scene_(std::move(scene)), home_(home), path_(std::move(path)) {}
 

@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// Unlike ==, tells 0 from -0: what is made of equal bits has equal bits.
+/// Unlike ==, distinguishes 0 from -0: results computed from equal bits have equal bits.
 inline bool same_bits(glm::vec3 a, glm::vec3 b) {
   return std::bit_cast<std::array<std::uint32_t, 3>>(a) == std::bit_cast<std::array<std::uint32_t, 3>>(b);
 }

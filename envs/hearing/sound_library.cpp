@@ -10,7 +10,7 @@ namespace earshot {
 std::string resolve_sound(const std::string& name, const std::string& sound_root) {
   if (name.starts_with("synth:")) return name;
   const auto is_file = [](const std::filesystem::path& path) {
-    std::error_code ignored;  // a name too long for a path is no file
+    std::error_code ignored;  // a name too long for a path is not a file
     return std::filesystem::is_regular_file(path, ignored);
   };
   for (const std::filesystem::path& base : {std::filesystem::path(sound_root) / name, std::filesystem::path(name)})

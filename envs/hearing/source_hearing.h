@@ -66,12 +66,12 @@ class SourceHearing {
   /// the sources that are traced without a field may share; null: its own.
   void trace(const Pose& pose, float ear_height_m, ListenerMemory* memory = nullptr);
   /// RIR of the response at this heading, without its strong paths, which glide; the one before becomes the RIR to fade from.  Skipped
-  /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: nothing can be heard
+  /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: the source is silent
   /// then until begin().
   bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook);
   /// The next `block` samples, written to `sound` [2, block].
   void convolve(HearingEngines& engines, int block, std::span<float> sound);
-  /// The next `block` samples are not heard: what was is forgotten.
+  /// The next `block` samples are not heard: clears the history.
   void pass(int block);
   void seek(std::uint64_t sample) { played_.position.sample = sample; }
 

@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What a scene looks like, read when it is asked for the first time.  Thread-safe.
+/// Appearance of a scene, read at the first use.  Thread-safe.
 class SceneLooks {
  public:
   /// Throws InputError as load_appearance; the next call tries again.
@@ -27,7 +27,7 @@ class SceneLooks {
   std::atomic<std::size_t> bytes_{0};
 };
 
-/// What is walkable there, seen from above, drawn when it is asked for the first time.  Thread-safe.
+/// Walkable surface seen from above, drawn at the first use.  Thread-safe.
 class SceneFloor {
  public:
   [[nodiscard]] const WalkableMap& of(const Navmesh& navmesh);
@@ -48,7 +48,7 @@ struct EnvScene {
   std::shared_ptr<SceneLooks> looks = std::make_shared<SceneLooks>();
   std::shared_ptr<SceneFloor> floor = std::make_shared<SceneFloor>();
 
-  /// Of memory that it holds now; what is found on demand makes it grow.
+  /// Bytes of memory held; grows with data computed on demand.
   [[nodiscard]] std::size_t bytes() const { return scene->bytes() + acoustics.bytes() + navmesh.bytes() + looks->bytes() + floor->bytes(); }
 };
 

@@ -56,12 +56,12 @@ struct SceneEntry : Entry<EnvScene> {
   }
   /// By more than this cache: by an episode, or by a source that is being built or is held itself.
   [[nodiscard]] bool is_held() const {
-    long own = 1;
+    long own_uses = 1;
     for (const auto& [key, source] : sources) {
       if (source.ready && source.uses() > 1) return true;
-      own += source.ready ? 1 : 0;
+      own_uses += source.ready ? 1 : 0;
     }
-    return uses() > own;
+    return uses() > own_uses;
   }
 };
 
@@ -73,7 +73,7 @@ std::size_t bytes_of(const EnvSource& source) {
 bool is_held(const SceneEntry& scene) { return scene.is_held(); }
 bool is_held(const Entry<EnvSource>& source) { return source.uses() > 1; }
 
-/// The ready entry that was used longest ago, `keep` and what is held outside excepted; end() if there is none.
+/// The least recently used ready entry, except `keep` and entries held outside; end() if there is none.
 template <class Map>
 typename Map::iterator least_recently_used(Map& map, const typename Map::key_type& keep) {
   auto oldest = map.end();
@@ -129,7 +129,7 @@ struct SceneCache::Impl {
   std::string resolve(const std::string& scene_id) const {
     if (root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
     const std::filesystem::path inside = root / scene_id;
-    std::error_code ignored;  // "house:3" is no file, and that is fine
+    std::error_code ignored;  // "house:3" is not a file, which is not an error
     return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
   }
 
@@ -172,7 +172,7 @@ struct SceneCache::Impl {
     const auto found = scenes.find(scene_id);
     return found == scenes.end() ? nullptr : &found->second;
   }
-  /// Under the lock: what is there or on its way, and used now; not valid: neither.
+  /// Under the lock: marks an entry that is ready or being built as used; invalid if there is neither.
   SourceFuture find_source_locked(const std::string& scene_id, const SourceKey& key) {
     SceneEntry* scene = find_scene(scene_id);
     if (!scene) return {};
@@ -197,7 +197,7 @@ struct SceneCache::Impl {
     }
     return {};
   }
-  /// The scene may have been dropped and loaded anew meanwhile: what another thread has made there stays.
+  /// The scene may have been evicted and reloaded meanwhile: keeps the data of another thread.
   void forget_failed_source(const std::string& scene_id, const SourceKey& key) {
     const std::scoped_lock lock(mutex);
     SceneEntry* scene = find_scene(scene_id);

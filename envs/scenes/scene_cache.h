@@ -15,7 +15,7 @@
 
 namespace earshot {
 
-/// What belongs to one goal in one scene: shared by agents and episodes.  Holds the scene alive.
+/// Data of one goal in one scene, shared by agents and episodes.  Holds the scene alive.
 struct EnvSource {
   std::shared_ptr<const EnvScene> scene;
   GeodesicField field;
@@ -27,8 +27,9 @@ struct EnvSource {
 /// of sources, estimated from their paths, with their sound fields.  Thread-safe; two threads that request the same scene wait for one
 /// load.
 ///
-/// A held pointer keeps its scene or source.  What is held outside is never evicted, as that would free nothing and the next request would
-/// load it twice: it counts, and the rest goes.  So the bound holds as far as what is held outside fits in it: the scenes of running
+/// A held pointer keeps its scene or source.  Entries held outside are never evicted: that would free nothing, and the next request would
+/// load them twice.  They count towards the bound, and other entries are evicted.  So the bound holds as far as what is held outside fits
+/// in it: the scenes of running
 /// episodes and their goals.
 class SceneCache {
  public:
@@ -50,9 +51,9 @@ class SceneCache {
   [[nodiscard]] std::size_t num_scenes() const;       ///< held now
   [[nodiscard]] std::uint64_t scenes_loaded() const;  ///< since construction
   [[nodiscard]] std::uint64_t sources_built() const;
-  /// Held now, by the measure of the bound; with what was evicted at the moment in which another thread took hold of it.
+  /// Bytes held, as counted for the bound; includes entries that another thread acquired during their eviction.
   [[nodiscard]] std::size_t bytes() const;
-  [[nodiscard]] std::size_t held_bytes() const;  ///< of those, what is held outside and can not be evicted
+  [[nodiscard]] std::size_t held_bytes() const;  ///< part of them that is held outside and cannot be evicted
   /// Sound fields built and read since construction.
   [[nodiscard]] FieldCounters field_counters() const;
   /// Scenes built and read from the folder since construction.

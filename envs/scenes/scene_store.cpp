@@ -28,7 +28,7 @@
 namespace earshot {
 namespace {
 
-/// Of the layout of the images.  What fills them has the commit of the engine.
+/// Version of the layout of the images.  Their content has the commit of the engine.
 constexpr std::string_view kVersion = "scene store 2";
 
 /// For another process that makes the same: far longer than that takes, unless the process has been stopped.
@@ -72,7 +72,7 @@ struct SceneStore::Impl {
     return ImageStore({.folder = config.folder, .suffix = suffix, .max_bytes = config.max_bytes, .warn = config.warn});
   }
 
-  /// What is in the file, or nullopt.  decode(bytes, where) throws InputError for what it cannot use.
+  /// The content of the file, or nullopt.  decode(bytes, where) throws InputError for an invalid content.
   template <class Decode>
   auto read(ImageStore& store, std::uint64_t key, const Decode& decode) -> std::optional<decltype(decode(std::string_view(), ""))> {
     const auto image = store.load(key);
@@ -89,7 +89,7 @@ struct SceneStore::Impl {
     }
   }
 
-  /// What is in the file, else what make() gives, which is written there.
+  /// The content of the file, else the result of make(), which is written there.
   template <class Decode, class Make, class Encode>
   auto read_or_make(ImageStore& store, std::uint64_t key, bool& made, const Decode& decode, const Make& make, const Encode& encode) {
     std::error_code unknown;

@@ -126,7 +126,7 @@ void validate(const ObservationSpec& spec) {
   require(spec.rgb || !spec.unlit, "observation.unlit", true,
           "has no effect without observation.rgb; other cameras have their own key `unlit`");
   const std::vector<ExtraCamera> all = spec.all_cameras();
-  const bool pinholes = std::ranges::any_of(all, [](const ExtraCamera& each) { return each.config.projection == Projection::pinhole; });
+  const bool pinholes = std::ranges::any_of(all, [](const ExtraCamera& camera) { return camera.config.projection == Projection::pinhole; });
   require(spec.renderer != Renderer::egl || pinholes, "observation.renderer", "egl", "has no effect without a pinhole camera");
   require(spec.renderer != Renderer::embree || spec.egl_device == "auto", "observation.egl_device", spec.egl_device,
           "has no effect with renderer embree");

@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What draws the pictures of pinhole cameras; panoramas are always drawn by Embree.
+/// Renderer of pinhole cameras; Embree always renders panoramas.
 enum class Renderer {
   embree,     ///< rays on the CPU, in the threads of the batch: the same bits on every machine
   egl,        ///< OpenGL on ObservationSpec::egl_device, all envs of a step at once; Embree, with a warning, once its driver has failed
@@ -52,7 +52,7 @@ struct ObservationSpec {
   bool depth_noise = false;          ///< all depth is as a structured-light camera sees it, by `noise`
   DepthNoiseConfig noise = {};
   PoseNoiseConfig pose_noise = {};  ///< of gps_compass and pose; keys of `noise` as well
-  TopdownMapConfig map = {};        ///< what topdown_map is like
+  TopdownMapConfig map = {};        ///< settings of topdown_map
   SpectrogramConfig sound;          ///< the analysed window: the last second of what was heard
   bool legacy_spectrogram = false;  ///< only the new samples, zero-padded to the window (SoundSpaces 2.0)
   /// Whether any sensor needs the sound at the ears.

@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// What the cameras of one agent have to show: a pose in a scene, and which noise depth has there.  Pictures that are drawn with those of
+/// Pictures to render for the cameras of one agent: a pose in a scene, and the depth noise there.  Pictures that are drawn with those of
 /// other agents outlive the task that asked for them, and the episode: scene and looks are held until then.
 struct PendingPictures {
   bool wanted = false;

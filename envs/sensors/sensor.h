@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// What a sensor measures.  Shapes are those of one row.
+/// Kinds of sensors.  Shapes are those of one row.
 enum class SensorKind : std::uint8_t {
   depth,        ///< float32 [height, width, 1], as CameraImages::depth
   rgb,          ///< uint8 [height, width, 3], as CameraImages::rgb
@@ -20,28 +20,28 @@ enum class SensorKind : std::uint8_t {
   normals,      ///< float32 [height, width, 3], as CameraImages::normals
   spectrogram,  ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
   interaural,   ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
-  waveform,     ///< float32 [2, samples of a step]: what the ears heard in this step
-  heard,        ///< float32 [2, samples of a second]: what they heard in the last second
+  waveform,     ///< float32 [2, samples of a step]: sound at the ears in this step
+  heard,        ///< float32 [2, samples of a second]: sound at the ears in the last second
   pointgoal,    ///< float32 [2], privileged: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from
                 ///< ahead
   gps_compass,  ///< float32 [3]: metres ahead of and to the right of the start, as it faced, and radians turned since, in [-pi, pi]
   pose,         ///< float32 [4]: as gps_compass, then the seconds since the start
   collision,    ///< uint8 [1]: 1 where the last step met an obstacle
   previous_action,  ///< int32 [1]: the last action; -1 before the first
-  topdown_map,      ///< uint8 [size, size, channels], privileged, as draw_topdown_map: what is walkable, the path, the agent, the goals
-  oracle_action,    ///< int32 [1], privileged: what the oracle would do here
+  topdown_map,      ///< uint8 [size, size, channels], privileged, as draw_topdown_map: the walkable surface, the path, the agent, the goals
+  oracle_action,    ///< int32 [1], privileged: action of the oracle
   goal_state,  ///< float32 [4], privileged: metres to the goal on foot and in a straight line; bearings of the goal and of the next corner
                ///< on the way to it in radians, counter-clockwise from ahead
 };
 inline constexpr std::size_t kNumSensorKinds = static_cast<std::size_t>(SensorKind::goal_state) + 1;
 
-/// What the readings of a sensor are made from.
+/// Source of a sensor's readings.
 enum class SensorSource : std::uint8_t {
-  eyes,      ///< what a camera sees: depth, colours
+  eyes,      ///< camera images: depth, colours
   ears,      ///< the sound at the ears
   body,      ///< the last action, and whether it met an obstacle
   odometry,  ///< where the agent is relative to its start
-  labels,    ///< what the simulator knows of a picture: categories, directions of surfaces
+  labels,    ///< ground truth of the simulator: categories, normals
   map,       ///< the plan of the scene
   goal,      ///< where the goal is
 };
@@ -54,8 +54,8 @@ enum class SensorType : std::uint8_t { float32, uint8, uint16, int32 };
 std::size_t size_of(SensorType type);
 std::string_view name_of(SensorType type);
 
-/// One sensor of an environment: a row of its table.  Environments, buffers and policies loop over the table; they know no sensor by
-/// name but those for which they have a stage or an encoder.
+/// One sensor of an environment: a row of its table.  Environments, buffers and policies loop over the table; they name only sensors with
+/// their own stage or encoder.
 struct SensorSpec {
   std::string name;  ///< unique in the table; the key of observations
   SensorKind kind = SensorKind::depth;

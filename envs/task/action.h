@@ -5,7 +5,7 @@
 
 namespace earshot {
 
-/// What an agent can do in one step.  The numbers are part of result files.
+/// Actions of an agent.  The numbers are part of result files.
 enum class Action : std::int32_t { stop = 0, forward = 1, left = 2, right = 3 };
 inline constexpr int kNumActions = 4;
 

@@ -15,13 +15,14 @@ std::string digits_of(const std::vector<std::int8_t>& actions) {
 
 }  // namespace
 
-void write_actions(nlohmann::json& object, const std::vector<std::int8_t>& actions, const std::vector<std::vector<std::int8_t>>& others) {
+void write_actions(nlohmann::json& object, const std::vector<std::int8_t>& actions,
+                   const std::vector<std::vector<std::int8_t>>& other_agents) {
   object["actions"] = digits_of(actions);
-  for (const auto& further : others) object["others"].push_back(digits_of(further));
+  for (const auto& further : other_agents) object["others"].push_back(digits_of(further));
 }
 
-void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& actions, std::vector<std::vector<std::int8_t>>& others,
-                  const std::function<void(const std::string& what)>& fail) {
+void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& actions, std::vector<std::vector<std::int8_t>>& other_agents,
+                  const std::function<void(const std::string& problem)>& fail) {
   const auto read = [&](const nlohmann::json& digits) {
     std::vector<std::int8_t> all;
     for (const char digit : digits.get_ref<const std::string&>()) {
@@ -31,11 +32,11 @@ void read_actions(const nlohmann::json& object, std::vector<std::int8_t>& action
     return all;
   };
   actions = read(object.at("actions"));
-  others.clear();
+  other_agents.clear();
   const auto further = object.find("others");
   if (further == object.end()) return;
   if (!further->is_array() || further->size() >= kMaxAgents) fail("contains too many agents");
-  for (const nlohmann::json& digits : *further) others.push_back(read(digits));
+  for (const nlohmann::json& digits : *further) other_agents.push_back(read(digits));
 }
 
 }  // namespace earshot

@@ -21,7 +21,7 @@ enum class Motion {
   grid,        ///< the whole step or none: with forward_m 1 and turn_deg 90 the grid of the original task
 };
 
-/// How a step differs from what the action says: independent Gaussian errors of every step, as in PyRobot's model of the LoCoBot (Murali et
+/// Actuation noise of a step: independent Gaussian errors of every step, as in PyRobot's model of the LoCoBot (Murali et
 /// al. 2019), whose errors of the distance, of a turn and of the heading while driving straight are kept, without its means and its drift
 /// to the side.  Standard deviations; all zero: none.
 struct ActuationNoise {
@@ -31,7 +31,7 @@ struct ActuationNoise {
   [[nodiscard]] bool any() const { return forward_m > 0 || turn_deg > 0 || veer_deg > 0; }
 };
 
-/// What one step adds to its action: metres along the heading, and radians to the left.
+/// Noise that a step adds to its action: metres along the heading, and radians to the left.
 struct ActuationError {
   float forward_m = 0;
   double turn_rad = 0;
@@ -66,14 +66,14 @@ struct EpisodeMetrics {
 /// Whole turns in a circle: 36 for turns of 10 degrees.
 int turns_per_circle(const TaskConfig& config);
 
-/// Other agents, whom a walk does not go through: upright cylinders.
+/// Other agents, which block a walk: upright cylinders.
 struct BodiesAround {
   std::vector<glm::vec3> places = {};  ///< foot points
   float apart_m = 0;                   ///< least distance of the axes: twice the radius
   float height_m = 0;                  ///< places further above or below than this are on another floor
 };
 /// The fraction in [0, 1] of the straight way from `from` to `to` (horizontal; on one floor) after which the first body is met.  1: none
-/// is. A body that is met at the start stops nothing that leads away from it.
+/// is. A body that overlaps the start does not block movement away from it.
 double free_fraction(const BodiesAround& around, glm::vec3 from, glm::vec3 to);
 
 /// State of one agent in one episode: motion, reward and end.  A plain value; no rendering.

@@ -8,7 +8,7 @@ namespace earshot {
 
 double goal_silent_from_s(const Episode& episode, const std::function<double(const std::string& sound)>& clip_length_s) {
   constexpr double kEndless = std::numeric_limits<double>::infinity();
-  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& each) { return each.goal; });
+  const bool names_a_goal = std::any_of(episode.sources.begin(), episode.sources.end(), [](const auto& source) { return source.goal; });
   double silent_from_s = names_a_goal ? 0 : kEndless;
   for (const EpisodeSource& source : episode.sources) {
     if (!source.goal) continue;
