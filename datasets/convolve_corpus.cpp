@@ -34,7 +34,7 @@ void validate_range(const std::vector<float>& range, const std::string& key, flo
   require(ok, key, listed(range, ","), fmt::format("must be LOW,HIGH in [{}, {}] dB with LOW <= HIGH", low, high));
 }
 
-/// What stands beside a speech file in a text file of its name; nothing if there is none.  Throws InputError for what is no text.
+/// The text file beside a speech file; empty without one.  Throws InputError for bytes that are not text.
 std::optional<std::string> transcript_of(const SoundFolder& speech, const std::string& file) {
   const std::filesystem::path path = (speech.root / file).replace_extension(".txt");
   std::error_code unknown;

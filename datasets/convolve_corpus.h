@@ -39,7 +39,7 @@ struct ConvolveReport {
 /// Writes signals, or completes what was begun (docs/howto/datasets_signals.md); every byte is a function of (config, files, program).
 ///
 ///   OUT/00000/0000007.wav              talkers and noise, channels as in the corpus
-///   OUT/00000/0000007.t0.wav, .noise.wav   with `stems`: what each talker, and the noise, adds to it
+/// OUT/00000/0000007.t0.wav, .noise.wav   with `stems`: contribution of each talker and of the noise
 ///   OUT/00000/0000007.t0.early.wav     with `early`: the talker through the early part of its response
 ///   OUT/00000/0000007.t0.dry.wav       with `dry`: the dry speech, one channel, at the time and level of the direct sound of an
 ///                                      omnidirectional source: delayed by distance / speed of sound, to a fraction of a sample by

@@ -22,8 +22,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-[[noreturn]] void fail(const std::filesystem::path& path, const char* what) {
-  throw RunError(path.string(), std::string(what) + ": " + std::generic_category().message(errno));
+[[noreturn]] void fail(const std::filesystem::path& path, const char* operation) {
+  throw RunError(path.string(), std::string(operation) + ": " + std::generic_category().message(errno));
 }
 
 /// Closes a descriptor on every way out.
@@ -108,9 +108,9 @@ void CorpusFolder::begin(const std::string& description) const {
     write_file_atomically(path, description);
     return;
   }
-  const std::string there = read_file(path);
-  if (there == description) return;
-  const auto [old_line, line] = first_difference(as_lines(there, path.string()), as_lines(description, path.string()));
+  const std::string existing = read_file(path);
+  if (existing == description) return;
+  const auto [old_line, line] = first_difference(as_lines(existing, path.string()), as_lines(description, path.string()));
   throw InputError(
       out_.string(),
       fmt::format("contains a corpus that was started with other settings: '{}' there, '{}' here", trimmed(old_line), trimmed(line)),

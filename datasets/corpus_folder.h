@@ -28,8 +28,8 @@ struct DerivedManifest {
 };
 
 /// The files of a corpus (rir_corpus.h).  A corpus that is not of rooms calls its smallest part so that is written whole or not at all, a
-/// batch of recordings for example.  A room is there when its part of the manifest is, a folder when its manifest is: both are written
-/// after what they name has reached the disk, so that a run that is killed at any moment leaves nothing that looks complete and is not.
+/// batch of recordings for example.  A room is complete when its part of the manifest exists, a folder when its manifest exists.  Both are
+/// written after their files are on the disk, so a killed run leaves nothing that looks complete and is not.
 /// Rooms may be written from any thread, each by one at a time.
 class CorpusFolder {
  public:
@@ -42,7 +42,7 @@ class CorpusFolder {
   [[nodiscard]] std::size_t count() const { return (num_rooms_ + rooms_per_folder_ - 1) / rooms_per_folder_; }
   /// "00012/", of the folder that holds the room.
   [[nodiscard]] std::string prefix_of(std::size_t room) const;
-  /// Rooms of a folder that are not there.  Completes a folder whose rooms all are.
+  /// Missing rooms of a folder.  Completes a folder without missing rooms.
   std::vector<std::size_t> missing_rooms(std::size_t folder) const;
 
   void write_sound(std::size_t room, const std::string& name, std::string_view bytes) const;

@@ -37,7 +37,7 @@ SoundFolder SoundFolder::list(const std::string& folder) {
     if (at.depth() > kDeepest)
       throw InputError(folder, fmt::format("has more than {} nested folders", kDeepest),
                        "look for a symbolic link that leads back to a parent folder");
-    std::error_code unknown;  // a link that leads nowhere is no file
+    std::error_code unknown;  // a dangling link is not a file
     if (!names_sound(at->path()) || !at->is_regular_file(unknown)) continue;
     found.files.push_back(at->path().lexically_relative(folder).generic_string());
     if (!is_utf8(found.files.back()))

@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// The threads that make a corpus: what they have made is counted, and the first of them to throw ends all.
+/// The threads that make a corpus: counts their output; the first exception ends all of them.
 class CorpusThreads {
  public:
   /// Calls work() on each of `threads` threads and, about five times a second, progress(items made, total) on the caller's, which may be

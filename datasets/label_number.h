@@ -9,11 +9,11 @@
 
 namespace earshot {
 
-/// A number as labels have it, of six digits: what is measured has no more, and lines stay short.  What places sounds in time has more.
+/// A number in a label, with six digits: measurements have no more, and lines stay short.  Times of sounds have more digits.
 inline nlohmann::ordered_json rounded(double value, int digits = 6) {
   return std::strtod(fmt::format("{:.{}g}", value, digits).c_str(), nullptr);
 }
-/// null where there is none.
+/// null without a value.
 inline nlohmann::ordered_json rounded(const std::optional<double>& value) {
   return value ? rounded(*value) : nlohmann::ordered_json(nullptr);
 }

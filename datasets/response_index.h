@@ -20,7 +20,7 @@ struct IndexedResponse {
   int source = 0;
   std::string place;  ///< of the listener: equal texts are one place and orientation
   double distance_m = 0, direct_delay_s = 0, gain = 1;
-  std::string labels;  ///< JSON: what else a user of the signal wants to know, directions among it
+  std::string labels;  ///< JSON: further properties of the signal, such as directions
 };
 
 /// The responses of a complete corpus.  Immutable, safe from any thread.

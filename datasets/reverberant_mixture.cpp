@@ -43,7 +43,7 @@ RandomStream stream_of(const ConvolveConfig& config, std::uint64_t number, std::
   return {config.seed, Purpose::episode, kSignalStream, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(talker)};
 }
 
-/// [channels, frames] to [channels, length], the sound from `start` on; what lies beyond is cut.
+/// [channels, frames] to [channels, length], the sound from `start` on; the rest is cut.
 std::vector<float> placed(std::span<const float> sound, std::size_t channels, std::size_t start, std::size_t length) {
   const std::size_t frames = sound.size() / channels;
   std::vector<float> result(channels * length, 0.f);
@@ -60,7 +60,7 @@ RandomStream noise_stream(const ConvolveConfig& config, std::uint64_t number, st
   return {config.seed, Purpose::sound, kSignalStream, static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(channel)};
 }
 
-/// Responses of the room of response `first` whose sources are not taken: those at its place, or all where there is none.
+/// Responses in the room of response `first` whose sources are free: those at its place, or all if there is none.
 std::vector<std::size_t> free_responses(const ResponseIndex& index, std::size_t first, const std::set<int>& taken) {
   const std::vector<IndexedResponse>& all = index.responses();
   std::vector<std::size_t> free, here;
@@ -199,7 +199,7 @@ void MixtureMaker::render_noise(Mixture& mixture, std::uint64_t number, const st
     return looped(clip, start, count);
   };
   if (noise.response >= 0) {
-    // It has been sounding: what it rings from before the first sample is there, and its end is not.
+    // It sounds from before the first sample to after the last: reverberation of earlier sound is included, its end is not.
     const IndexedResponse& response = index_.responses()[static_cast<std::size_t>(noise.response)];
     const SoundChannels filter = index_.load(response, response.file);
     const std::size_t before = filter.num_frames() - 1;

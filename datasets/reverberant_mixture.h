@@ -44,7 +44,7 @@ struct Mixture {
 /// Mixes signal `number`, a function of (config, index, files, number).  Owns scratch: one per thread.
 class MixtureMaker {
  public:
-  /// All must outlive this.  noise: null where config.noise is no folder.
+  /// All must outlive this.  noise: null if config.noise is not a folder.
   MixtureMaker(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise)
       : config_(config), index_(index), speech_(speech), noise_(noise) {}
   /// Throws InputError: a file that cannot be read, or that is silent.

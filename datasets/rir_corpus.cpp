@@ -23,7 +23,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// What one thread renders with.
+/// Renderer of one thread.
 class CorpusRoomWorker {
  public:
   CorpusRoomWorker(const RirCorpusConfig& config, const CorpusRun& run, std::span<const std::shared_ptr<const SynthesisTables>> tables)

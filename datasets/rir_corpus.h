@@ -18,7 +18,7 @@ struct CorpusReport {
 /// Writes a corpus of responses, or completes one (docs/howto/datasets.md).  Every byte is a function of (config, program), not of threads,
 /// shards or how often the run was killed; a room is begun again if its line in the folder is missing.
 ///
-///   OUT/corpus.json                   config, program, channels: what is compared before a corpus is completed
+/// OUT/corpus.json                   config, program, channels: compared before a corpus is completed
 ///   OUT/00000/000000_s00_l0000.wav    room, source, listener; with a split .early.wav and .late.wav beside it
 ///   OUT/00000/000000_s00_l0000.rgb.png   with config.panorama; .depth.png and .category.png likewise (rir_corpus_pictures.h)
 ///   OUT/00000/manifest.jsonl          one line per response; written last, when all rooms of the folder are there

@@ -101,7 +101,7 @@ void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
     config.acoustics = acoustic_preset(preset);
     config.acoustics.rir_length_s = RirCorpusConfig().acoustics.rir_length_s;
   }
-  // What the channels need, as `earshot rir` chooses it, unless the file says otherwise.
+  // Settings for the channels as in `earshot rir`, unless the file sets them.
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   if (layout.kind == ListenerKind::ambisonics)
     config.acoustics.sh_order = std::max(config.acoustics.sh_order, std::min(layout.order, kTracedOrder));

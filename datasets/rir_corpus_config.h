@@ -38,7 +38,7 @@ struct RirCorpusConfig {
   std::optional<AcousticRandomization> randomize;
 
   int sources_per_room = 4, listeners_per_source = 25;
-  bool shared_listeners = false;  ///< the listeners of a room are the same for all of its sources: what mixtures of them need
+  bool shared_listeners = false;  ///< the listeners of a room are the same for all of its sources: as mixtures need
   std::vector<float> source_height_m = {1.1f, 1.8f}, listener_height_m = {1.1f, 1.8f};  ///< least and largest, above the floor
   float clearance_m = 0.3f;                                                             ///< from walls, furniture and the ceiling
   float min_distance_m = 0.5f, max_distance_m = 1000.f;                                 ///< source to listener

@@ -16,7 +16,7 @@ namespace earshot {
 class CorpusPictures {
  public:
   CorpusPictures(const CorpusPanorama& config, const Scene& scene);
-  /// What there is to see from `position`, level, the heading in the middle: ID.rgb.png, ID.depth.png (16 bits: millimetres along the ray,
+  /// The view from `position`, level, the heading in the middle: ID.rgb.png, ID.depth.png (16 bits: millimetres along the ray,
   /// 65535 beyond and where nothing is hit) and ID.category.png (a palette, the indices are the categories).
   [[nodiscard]] std::vector<CorpusFile> render(const Scene& scene, glm::vec3 position, double heading_rad, const std::string& id) const;
 

@@ -38,7 +38,7 @@ Json per_band(const RoomMetrics& metrics, const Get& get) {
   return values;
 }
 
-/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; null where one of them has none.
+/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; null if one of them has no value.
 Json mid_t20(const RoomMetrics& metrics) {
   double sum = 0;
   int count = 0;

@@ -152,14 +152,14 @@ CorpusRoom::CorpusRoom(const RirCorpusConfig& config, std::size_t index, const C
 bool CorpusRoom::is_free(glm::vec3 foot, float height_m) const { return stands_free(scene(), foot, height_m + config_.clearance_m); }
 
 FreePlace CorpusRoom::draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,
-                                 const std::function<bool(glm::vec3)>& accept, const std::string& what) const {
+                                 const std::function<bool(glm::vec3)>& accept, const std::string& purpose) const {
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
     const std::uint32_t draw = (number * kTries + attempt) * PlaceDraw::per_try;
     const FreePlace place{navmesh_.random_point(random, draw + PlaceDraw::foot),
                           within(height_m, random.uniform(draw + PlaceDraw::height))};
     if (accept(place.position()) && is_free(place.foot, place.height_m)) return place;
   }
-  throw InputError(scene().name(), fmt::format("has no free position for {} in {} tries", what, kTries),
+  throw InputError(scene().name(), fmt::format("has no free position for {} in {} tries", purpose, kTries),
                    "widen the distances, lower the heights or clearance_m, or leave this scene out");
 }
 

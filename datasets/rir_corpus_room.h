@@ -69,7 +69,7 @@ class CorpusRoom {
   /// A free place on the floor at a height of the range that `accept` takes: a function of the room, `random` and `number`.  Throws
   /// InputError "has no free place for WHAT" after a thousand draws.
   [[nodiscard]] FreePlace draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,
-                                     const std::function<bool(glm::vec3)>& accept, const std::string& what) const;
+                                     const std::function<bool(glm::vec3)>& accept, const std::string& purpose) const;
   [[nodiscard]] const Navmesh& navmesh() const { return navmesh_; }
   /// Of config.panorama; null without it.
   [[nodiscard]] const CorpusPictures* pictures() const { return pictures_.get(); }

@@ -30,7 +30,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// In the place of the scene in the streams of episodes: what stands beside the events of a recording.
+/// Replaces the scene in the random streams of episodes: draws of a recording besides its events.
 constexpr std::uint32_t kMixStream = 0x53454C4Du;
 
 struct MixDraw {

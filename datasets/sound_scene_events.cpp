@@ -43,10 +43,10 @@ struct EventDraw {
   };
 };
 
-/// what: counted within the recording; each has a stream of its own.
-RandomStream stream_of(const SoundSceneConfig& config, std::uint32_t kind, std::size_t room, int recording, int what) {
+/// item: counted within the recording; each has a stream of its own.
+RandomStream stream_of(const SoundSceneConfig& config, std::uint32_t kind, std::size_t room, int recording, int item) {
   return {config.rooms.seed, Purpose::episode, kind, static_cast<std::uint32_t>(room),
-          (static_cast<std::uint32_t>(recording) << 16) | static_cast<std::uint32_t>(what)};
+          (static_cast<std::uint32_t>(recording) << 16) | static_cast<std::uint32_t>(item)};
 }
 
 double hundredths_within(const std::vector<float>& range, float fraction) {
@@ -147,7 +147,7 @@ ClassSounds expand_classes(const SoundSceneConfig& config) {
 
 SoundScenePlan plan_sound_scene(const SoundSceneConfig& config, const ClassSounds& sounds, const CorpusRoom& room, std::size_t room_index,
                                 int recording) {
-  const auto stream = [&](std::uint32_t kind, int what) { return stream_of(config, kind, room_index, recording, what); };
+  const auto stream = [&](std::uint32_t kind, int item) { return stream_of(config, kind, room_index, recording, item); };
   const RandomStream whole = stream(kEventStream, 0);
   SoundScenePlan plan;
   const auto anywhere = [](glm::vec3) { return true; };

@@ -29,7 +29,7 @@ struct SoundEvent {
   [[nodiscard]] glm::vec3 position_at(double since_onset_s) const;
 };
 
-/// What sounds where in a recording, and who listens.
+/// Sounds, their places and the listener of a recording.
 struct SoundScenePlan {
   CorpusListener listener;
   std::vector<SoundEvent> events;  ///< by onset

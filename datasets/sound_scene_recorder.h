@@ -38,7 +38,7 @@ class SoundSceneRecorder {
 
   /// Seconds between two responses of a source that moves; strong paths glide between them, the rest fades (path_glide.h).
   static constexpr double kStepS = 0.05;
-  /// Adds an event to `mix` from its onset on; what rings on after the last frame is cut.  The dry sound is scaled to a root mean square of
+  /// Adds an event to `mix` from its onset on; sound after the last frame is cut.  The dry sound is scaled to a root mean square of
   /// level_db over 1 while it sounds.  Throws InputError: a sound that cannot be read or is silent.
   void add(const PlacedEvent& placed, const RecordingMix& mix);
   [[nodiscard]] int num_channels() const { return num_channels_; }
