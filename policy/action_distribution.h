@@ -13,7 +13,7 @@ namespace earshot {
 torch::Tensor log_probabilities(const torch::Tensor& logits, const torch::Tensor& actions);  ///< [N, A], [N] int64 -> [N]
 torch::Tensor entropy(const torch::Tensor& logits);                                          ///< [N, A] -> [N]
 
-/// Who acts: its random number is a function of these, not of the batch it sits in.
+/// Identity of an acting env: its random number is a function of these values, not of the batch.
 struct ActingEnv {
   std::uint32_t env, episode, step;
 };

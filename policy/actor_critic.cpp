@@ -19,7 +19,7 @@ bool is_sound(const SensorSpec& sensor) { return sensor.kind == SensorKind::spec
 bool is_picture(const SensorSpec& sensor) { return sensor.camera >= 0 || sensor.kind == SensorKind::topdown_map; }
 bool is_vector(const SensorSpec& sensor) { return !is_picture(sensor) && !is_sound(sensor); }
 
-/// What a guided critic reads of goal_state: both distances, straight and on a scale that resolves near ones, both bearings.
+/// Inputs of a guided critic from goal_state: both distances, straight and on a scale that resolves near ones, both bearings.
 constexpr int kGuideFeatures = 7, kGuidedWidth = 64;
 
 torch::Tensor guide_features(const torch::Tensor& goal_state) {
@@ -51,7 +51,7 @@ std::vector<Picture> pictures_of(const std::vector<SensorSpec>& sensors) {
   return pictures;
 }
 
-/// What the recurrent layer reads of a sensor without an encoder.
+/// Input of the recurrent layer from a sensor without an encoder.
 int num_features(const SensorSpec& sensor) {
   switch (sensor.kind) {
     case SensorKind::gps_compass:
@@ -67,7 +67,7 @@ int num_features(const SensorSpec& sensor) {
 torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
   switch (sensor.kind) {
     case SensorKind::gps_compass:
-    case SensorKind::pose: {  // metres and metres, the angle, what follows it
+    case SensorKind::pose: {  // two distances in metres, the angle, the rest
       const torch::Tensor angle = rows.slice(1, 2, 3);
       return torch::cat({rows.slice(1, 0, 2), angle.cos(), angle.sin(), rows.slice(1, 3)}, 1);
     }

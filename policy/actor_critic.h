@@ -25,7 +25,8 @@ struct PolicyOutput {
   torch::Tensor logits;  ///< [N, kNumActions] (or [T * B, kNumActions])
   torch::Tensor value;   ///< [N]
   torch::Tensor hidden;  ///< [B, hidden_size] after the last step
-  /// [N, kGoalOutputs] with PolicyConfig::goal_heads, else undefined: what the agent makes of where the goal is.  Cosine and sine of its
+  /// [N, kGoalOutputs] with PolicyConfig::goal_heads, else undefined: the agent's estimate of the position of the goal.  Cosine and sine of
+  /// its
   /// bearing, the same of the next corner on the way, log(1 + metres on foot), and the logit of being near enough to stop.
   torch::Tensor goal = {};
 };
@@ -45,7 +46,7 @@ class ActorCriticImpl : public torch::nn::Module {
   /// One step of N envs.  hidden [N, hidden_size]; not_done [N] float, 0 where a new episode begins (hidden is zeroed there).
   PolicyOutput step(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
   /// T steps of B envs in time order: observations [T * B, ...] with T outermost; hidden [B, hidden_size] before the first step;
-  /// not_done [T, B].  Equal to T calls of step to 1e-6.  Virtual, so that a test can put a fault into what the network says.
+  /// not_done [T, B].  Equal to T calls of step to 1e-6.  Virtual, so that a test can inject a fault into the outputs of the network.
   virtual PolicyOutput sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
 
   [[nodiscard]] int hidden_size() const { return config_.hidden_size; }

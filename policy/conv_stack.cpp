@@ -17,7 +17,7 @@ using torch::autograd::variable_list;
 
 /// Of this many patches a product is about as fast as of more.
 constexpr std::int64_t kPatchesPerProduct = 192;
-/// Pictures that go through all layers together: what one layer leaves, the next finds in the cache.
+/// Pictures that go through all layers together, so that the output of a layer is still in the cache for the next.
 constexpr std::int64_t kPicturesPerBlock = 4;
 
 struct Layer {
@@ -85,15 +85,15 @@ void add_bias_and_cut(float* rows, std::int64_t count, std::int64_t channels, co
 void forward_layer(const Layer& layer, const float* pictures, std::int64_t count, float* patches, float* outputs, bool cut) {
   const std::int64_t rows = layer.shape.num_patches(), size = layer.shape.patch_size(), channels = layer.out_channels;
   for (std::int64_t first = 0; first < count;) {
-    const std::int64_t some = std::min(layer.pictures_per_product(), count - first);
+    const std::int64_t pictures_now = std::min(layer.pictures_per_product(), count - first);
     float* out = outputs + first * layer.out_size();
-    gather(layer, pictures + first * layer.shape.picture_size(), some, patches);
-    multiply({.m = some * rows, .n = channels, .k = size}, patches, size, layer.weight.data_ptr<float>(), channels, out, channels);
+    gather(layer, pictures + first * layer.shape.picture_size(), pictures_now, patches);
+    multiply({.m = pictures_now * rows, .n = channels, .k = size}, patches, size, layer.weight.data_ptr<float>(), channels, out, channels);
     if (cut)
-      add_bias_and_cut(out, some * rows, channels, layer.bias.data_ptr<float>());
+      add_bias_and_cut(out, pictures_now * rows, channels, layer.bias.data_ptr<float>());
     else
-      add_bias(out, some * rows, channels, layer.bias.data_ptr<float>());
-    first += some;
+      add_bias(out, pictures_now * rows, channels, layer.bias.data_ptr<float>());
+    first += pictures_now;
   }
 }
 
@@ -102,19 +102,20 @@ void backward_layer(const Layer& layer, const float* pictures, const float* by_o
                     float* by_patches, float* by_weight, float* by_bias, float* by_pictures) {
   const std::int64_t rows = layer.shape.num_patches(), size = layer.shape.patch_size(), channels = layer.out_channels;
   for (std::int64_t first = 0; first < count;) {
-    const std::int64_t some = std::min(layer.pictures_per_product(), count - first);
+    const std::int64_t pictures_now = std::min(layer.pictures_per_product(), count - first);
     const float* by_out = by_outputs + first * layer.out_size();
-    gather(layer, pictures + first * layer.shape.picture_size(), some, patches);
-    multiply({.m = channels, .n = size, .k = some * rows, .transpose_a = true, .beta = 1}, by_out, channels, patches, size, by_weight,
-             size);
-    for (std::int64_t row = 0; row < some * rows; ++row)
+    gather(layer, pictures + first * layer.shape.picture_size(), pictures_now, patches);
+    multiply({.m = channels, .n = size, .k = pictures_now * rows, .transpose_a = true, .beta = 1}, by_out, channels, patches, size,
+             by_weight, size);
+    for (std::int64_t row = 0; row < pictures_now * rows; ++row)
       for (std::int64_t c = 0; c < channels; ++c) by_bias[c] += by_out[row * channels + c];
     if (by_pictures != nullptr) {
-      multiply({.m = some * rows, .n = size, .k = channels}, by_out, channels, layer.weight.data_ptr<float>(), size, by_patches, size);
-      for (std::int64_t i = 0; i < some; ++i)
+      multiply({.m = pictures_now * rows, .n = size, .k = channels}, by_out, channels, layer.weight.data_ptr<float>(), size, by_patches,
+               size);
+      for (std::int64_t i = 0; i < pictures_now; ++i)
         add_patches(layer.shape, by_patches + i * rows * size, by_pictures + (first + i) * layer.shape.picture_size());
     }
-    first += some;
+    first += pictures_now;
   }
 }
 
@@ -143,10 +144,11 @@ class ConvStack : public torch::autograd::Function<ConvStack> {
     float* scratch = patches.data_ptr<float>();
     for (std::int64_t n = 0; n < N; n += kPicturesPerBlock) {
       const std::int64_t count = std::min(kPicturesPerBlock, N - n);
-      float *one = first.data_ptr<float>() + n * layers[0].out_size(), *two = second.data_ptr<float>() + n * layers[1].out_size();
-      forward_layer(layers[0], input.data_ptr<float>() + n * layers[0].shape.picture_size(), count, scratch, one, true);
-      forward_layer(layers[1], one, count, scratch, two, true);
-      forward_layer(layers[2], two, count, scratch, last.data_ptr<float>(), false);
+      float *first_out = first.data_ptr<float>() + n * layers[0].out_size(),
+            *second_out = second.data_ptr<float>() + n * layers[1].out_size();
+      forward_layer(layers[0], input.data_ptr<float>() + n * layers[0].shape.picture_size(), count, scratch, first_out, true);
+      forward_layer(layers[1], first_out, count, scratch, second_out, true);
+      forward_layer(layers[2], second_out, count, scratch, last.data_ptr<float>(), false);
       for (std::int64_t i = 0; i < count; ++i)
         transpose(last.data_ptr<float>() + i * layers[2].out_size(), layers[2].shape.num_patches(), layers[2].out_channels,
                   features.data_ptr<float>() + (n + i) * layers[2].out_size());
@@ -178,22 +180,23 @@ class ConvStack : public torch::autograd::Function<ConvStack> {
     const torch::Tensor by_second = torch::empty({kPicturesPerBlock, layers[1].out_size()});
     const torch::Tensor by_first = torch::empty({kPicturesPerBlock, layers[0].out_size()});
     float *scratch = patches.data_ptr<float>(), *by_scratch = by_patches.data_ptr<float>();
-    float *three = by_last.data_ptr<float>(), *two = by_second.data_ptr<float>(), *one = by_first.data_ptr<float>();
+    float *by_third_out = by_last.data_ptr<float>(), *by_second_out = by_second.data_ptr<float>(),
+          *by_first_out = by_first.data_ptr<float>();
     for (std::int64_t n = 0; n < N; n += kPicturesPerBlock) {
       const std::int64_t count = std::min(kPicturesPerBlock, N - n);
       const float* first_out = first.data_ptr<float>() + n * layers[0].out_size();
       const float* second_out = second.data_ptr<float>() + n * layers[1].out_size();
       for (std::int64_t i = 0; i < count; ++i)
         transpose(by_features.data_ptr<float>() + (n + i) * layers[2].out_size(), layers[2].out_channels, layers[2].shape.num_patches(),
-                  three + i * layers[2].out_size());
-      std::fill_n(two, count * layers[1].out_size(), 0.f);
-      backward_layer(layers[2], second_out, three, count, scratch, by_scratch, weight(2), bias(2), two);
-      cut_gradient(second_out, count * layers[1].out_size(), two);
-      std::fill_n(one, count * layers[0].out_size(), 0.f);
-      backward_layer(layers[1], first_out, two, count, scratch, by_scratch, weight(1), bias(1), one);
-      cut_gradient(first_out, count * layers[0].out_size(), one);
-      backward_layer(layers[0], input.data_ptr<float>() + n * layers[0].shape.picture_size(), one, count, scratch, nullptr, weight(0),
-                     bias(0), nullptr);
+                  by_third_out + i * layers[2].out_size());
+      std::fill_n(by_second_out, count * layers[1].out_size(), 0.f);
+      backward_layer(layers[2], second_out, by_third_out, count, scratch, by_scratch, weight(2), bias(2), by_second_out);
+      cut_gradient(second_out, count * layers[1].out_size(), by_second_out);
+      std::fill_n(by_first_out, count * layers[0].out_size(), 0.f);
+      backward_layer(layers[1], first_out, by_second_out, count, scratch, by_scratch, weight(1), bias(1), by_first_out);
+      cut_gradient(first_out, count * layers[0].out_size(), by_first_out);
+      backward_layer(layers[0], input.data_ptr<float>() + n * layers[0].shape.picture_size(), by_first_out, count, scratch, nullptr,
+                     weight(0), bias(0), nullptr);
     }
     const auto as_weight = [](const torch::Tensor& gradient) { return gradient.permute({0, 3, 1, 2}); };
     return {torch::Tensor(), as_weight(by_weight[0]), by_bias[0], as_weight(by_weight[1]),

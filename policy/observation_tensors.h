@@ -26,7 +26,7 @@ struct ObservationTensors {
   ObservationTensors() = default;
   ObservationTensors(std::initializer_list<Entry> entries) : sensors(entries) {}
 
-  /// The sensor's tensor; an undefined one where there is none.
+  /// The sensor's tensor; undefined if it is missing.
   [[nodiscard]] const torch::Tensor& operator[](std::string_view name) const;
   /// The tensor of a sensor that is there.
   [[nodiscard]] torch::Tensor& at(std::string_view name);

@@ -16,7 +16,7 @@ struct PatchShape {
   [[nodiscard]] std::int64_t picture_size() const { return in_rows * in_columns * in_channels; }
 };
 
-/// patches [num_patches, patch_size]: what each output position sees of the picture, in the order [row, column, channel].
+/// patches [num_patches, patch_size]: receptive field of each output position, in the order [row, column, channel].
 void copy_patches(const PatchShape& shape, const float* picture, float* patches);
 /// The transpose: adds every patch to where it came from.  picture: [picture_size], added to.
 void add_patches(const PatchShape& shape, const float* patches, float* picture);

@@ -12,7 +12,7 @@ class ConfigReader;
 struct PolicyConfig {
   int hidden_size = 512;  ///< of the GRU
   int visual_features = 512, audio_features = 512;
-  /// false: the state before each step is zero, so that the agent goes by what it perceives now alone; for comparison.
+  /// false: the state before each step is zero, so that the agent uses the current observation alone; for comparison.
   bool recurrent = true;
   int conv_channels = 32;  ///< first layer; the others have twice as many
   /// Bias of `stop` before training; 0 in the original.  At 0 a new agent stops once in four steps and long never learns what walking is
