@@ -34,7 +34,7 @@ struct Checkpoint : CheckpointMetadata {
 /// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Tensors of float16 come back as float32.
 /// Throws RunError if the disk is full.
 void save_checkpoint(const Checkpoint& checkpoint, const std::filesystem::path& path);
-/// The bytes of such a file; `where` is what errors name.
+/// The bytes of such a file; `where` is named by errors.
 std::string encode_checkpoint(const Checkpoint& checkpoint, const std::string& where);
 /// Throws InputError, one line: missing, not a checkpoint, other version, truncated, hash mismatch, malformed body.
 Checkpoint load_checkpoint(const std::filesystem::path& path);

@@ -59,8 +59,8 @@ msgpack::object_handle unpack_checkpoint(std::string_view file, const std::strin
   }
 }
 
-void CheckpointFields::fail(std::string_view name, std::string_view what) const {
-  throw InputError(where_, fmt::format("is not a valid checkpoint: '{}' {}", name, what), "use another checkpoint");
+void CheckpointFields::fail(std::string_view name, std::string_view problem) const {
+  throw InputError(where_, fmt::format("is not a valid checkpoint: '{}' {}", name, problem), "use another checkpoint");
 }
 
 bool CheckpointFields::has(const msgpack::object& map, std::string_view name) {

@@ -29,7 +29,7 @@ class CheckpointFields {
  public:
   explicit CheckpointFields(std::string where) : where_(std::move(where)) {}
 
-  [[noreturn]] void fail(std::string_view name, std::string_view what) const;
+  [[noreturn]] void fail(std::string_view name, std::string_view problem) const;
   [[nodiscard]] static bool has(const msgpack::object& map, std::string_view name);
   [[nodiscard]] const msgpack::object& field(const msgpack::object& map, std::string_view name) const;
   [[nodiscard]] std::span<const msgpack::object> items(const msgpack::object& list, std::string_view name) const;

@@ -12,7 +12,7 @@ namespace earshot {
 /// Bounds the checkpoints of one run: the `keep` newest periodic ones stay, the best, and that of the end.  One of rank 0.
 ///
 /// The best is the one with the highest mean reward per episode over the last episodes (about 200, EpisodeWindow) when it was saved.
-/// best.ckpt is another name of that file (a hard link, or a copy where the file system has none), so that it outlives the bound.
+/// best.ckpt is another name of that file (a hard link, or a copy if the file system lacks links), so that it outlives the bound.
 class CheckpointKeeper {
  public:
   /// resumed_update: of the checkpoint that the run goes on from, 0 for a new run; a best.ckpt of a later update does not count.

@@ -17,7 +17,7 @@ struct EnvPlaces {
   [[nodiscard]] int first_of(int rank) const { return members[static_cast<std::size_t>(rank)]; }
 };
 
-/// Of a run that is started, or that goes on from a checkpoint.  changes: what the user has declared to differ (RunStart::changes).
+/// Of a run that is started, or that goes on from a checkpoint.  changes: keys that the user allows to differ (RunStart::changes).
 /// Throws InputError if the checkpoint is of another number of workers and "workers" is not among them.
 EnvPlaces env_places_of(const std::optional<Checkpoint>& resumed, int world_size, const std::vector<std::string>& changes);
 

@@ -14,7 +14,7 @@ namespace earshot {
 /// oracle_acted.  A collective call.  Throws RunError if the recurrent states differ in size.
 void gather_env_states(Collective& collective, const BatchedEnv& env, const RolloutCollector& collector, Checkpoint& checkpoint);
 
-/// Continues this worker's episodes where the checkpoint has them; identity: of this worker.  path: what errors name.  Throws InputError if
+/// Continues this worker's episodes where the checkpoint has them; identity: of this worker.  path: named by errors.  Throws InputError if
 /// the checkpoint is of another number of workers or its recurrent state is not finite; then nothing has changed.
 void restore_env_states(const Checkpoint& checkpoint, const std::filesystem::path& path, WorkerIdentity identity, BatchedEnv& env,
                         RolloutCollector& collector);

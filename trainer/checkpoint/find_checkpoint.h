@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// What a checkpoint says about itself, without its tensors.
+/// Header of a checkpoint, without its tensors.
 struct CheckpointMetadata {
   std::string config_yaml;   ///< every key of the run's config with its value, config_text()
   std::string architecture;  ///< ActorCritic::architecture()
@@ -15,16 +15,16 @@ struct CheckpointMetadata {
   std::uint64_t seed = 0;
   int world_size = 1;
   std::string engine, engine_commit;  ///< engine_hash() and engine_commit() of the program that wrote it
-  double elapsed_s = 0;               ///< wall seconds of training, over all sittings; 0 in files from before there was such a field
+  double elapsed_s = 0;               ///< wall seconds of training, over all sittings; 0 in files without this field
   double mean_reward = 0;             ///< per episode, over the last episodes; NaN where none had finished
-  bool is_policy = false;             ///< of a file that was read: it holds no state of a training, so that no run can go on from it
+  bool is_policy = false;             ///< the file holds no state of a training, so no run can resume from it
 };
 
 /// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does.
 CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path);
 
 /// The newest checkpoint under a run folder, or the file itself.  Damaged ones in a folder are skipped with a warning.  Throws InputError
-/// if there is none that is whole.
+/// if none is complete.
 std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file);
 
 }  // namespace earshot

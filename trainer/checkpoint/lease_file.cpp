@@ -185,7 +185,7 @@ void LeaseFile::renew_until_the_end() {
   while (!wake_.wait_for(lock, interval_, [this] { return is_ending_; })) {
     lock.unlock();
     bool lost = false;
-    // The server may be away for a while: what cannot be read is not lost yet.
+    // The file server may be unreachable for a while: an unreadable file is not lost yet.
     const Descriptor file(::open(path_.c_str(), O_WRONLY | O_CLOEXEC));
     if (file.get() >= 0) {
       const auto seen = look_at(path_);

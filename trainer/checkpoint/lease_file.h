@@ -18,13 +18,13 @@ namespace earshot {
 bool is_shared_file_system(const std::filesystem::path& path);
 
 /// A lock that hosts share through a file: its holder renews the file's time, and a file that has not been renewed for the length of the
-/// lease is anyone's.  Times are those that the server of the file system puts on files, so that no host's clock matters.
+/// lease is anyone's.  Times are those of the file server, so that clocks of hosts do not matter.
 ///
-/// One file at a fixed path, made with O_EXCL; an old one is replaced by rename under a second such file (".next"), so that of several that
-/// find it old one comes through.
+/// One file at a fixed path, made with O_EXCL; an old one is replaced by rename under a second such file (".next"), so that only one of
+/// several processes replaces it.
 class LeaseFile {
  public:
-  /// Null: someone else holds it.  record: what is written; a holder of the same record.run is replaced whatever the age of its lease.
+  /// Null: someone else holds it.  record: content of the file; a holder of the same record.run is replaced whatever the age of its lease.
   /// Throws InputError where the folder cannot be written.
   static std::unique_ptr<LeaseFile> try_take(const std::filesystem::path& path, const LockRecord& record, std::chrono::milliseconds lease);
   /// Gives the lock up, if it is still this holder's.

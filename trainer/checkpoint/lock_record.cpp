@@ -84,7 +84,7 @@ LockRecord own_lock_record(const std::string& what, const std::string& job, cons
   record.host = one_line(this_host());
   record.machine = this_machine();
   record.process = ::getpid();
-  if (const auto own = state_of(record.process)) record.began_ticks = own->began_ticks;
+  if (const auto state = state_of(record.process)) record.began_ticks = state->began_ticks;
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
   ::gmtime_r(&now, &utc);

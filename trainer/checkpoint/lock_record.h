@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What the holder of a run folder writes into its lock: who it is, for messages, and whether it can still be there.
+/// Content of the lock of a run folder: the identity of its holder, for messages, and the facts that tell whether it can still be there.
 struct LockRecord {
   bool is_lease = false;          ///< renewed by its holder; else the kernel knows whether it is held
   std::string host;               ///< name
@@ -30,13 +30,13 @@ LockRecord own_lock_record(const std::string& what, const std::string& job, cons
 
 /// Lines "key value".
 std::string encode_lock_record(const LockRecord& record);
-/// nullopt where the text is none: not written yet, or not by this program.
+/// nullopt for an invalid text: not written yet, or not by this program.
 std::optional<LockRecord> decode_lock_record(const std::string& text);
 /// Of the file behind a descriptor, whatever its position.
 std::optional<LockRecord> read_lock_record(int descriptor);
 
 /// Whether the holder is on this machine and has ended, or cannot do anything any more: a zombie, or about to be killed.  False on another
-/// machine, of which nothing is known.
+/// machine, whose processes are unknown.
 bool is_known_gone(const LockRecord& record);
 
 }  // namespace earshot

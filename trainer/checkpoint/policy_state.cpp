@@ -71,17 +71,17 @@ std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& polic
 }
 
 void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint) {
-  const auto refuse = [](const std::string& name, const std::string& what) {
-    throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, what), "use the config of the training");
+  const auto refuse = [](const std::string& name, const std::string& problem) {
+    throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, problem), "use the config of the training");
   };
   std::size_t used = 0;
   std::vector<std::pair<decltype(optimizer_key({})), std::unique_ptr<torch::optim::AdamParamState>>> states;
   for (const auto& item : policy->named_parameters()) {
-    const auto saved = [&](const std::string& what) { return checkpoint.optimizer.find(item.key() + what); };
+    const auto saved = [&](const std::string& suffix) { return checkpoint.optimizer.find(item.key() + suffix); };
     const auto step = saved(".step"), mean = saved(".exp_avg"), square = saved(".exp_avg_sq");
-    const auto none = checkpoint.optimizer.end();
-    if (step == none && mean == none && square == none) continue;
-    if (step == none || mean == none || square == none) refuse(item.key(), "is incomplete");
+    const auto absent = checkpoint.optimizer.end();
+    if (step == absent && mean == absent && square == absent) continue;
+    if (step == absent || mean == absent || square == absent) refuse(item.key(), "is incomplete");
     if (step->second.scalar_type() != torch::kInt64 || step->second.numel() != 1 || step->second.item<std::int64_t>() < 0)
       refuse(item.key() + ".step", "is not a whole number");
     for (const auto& moment : {mean, square}) {

@@ -11,10 +11,10 @@
 namespace earshot {
 namespace {
 
-constexpr const char* kWhat = "earshot train";
+constexpr const char* kLockHolder = "earshot train";
 
-[[noreturn]] void fail_taken(const std::filesystem::path& folder, const std::string& by) {
-  throw RunError(folder.string(), fmt::format("was taken over by {}; this run writes no more", by));
+[[noreturn]] void fail_taken(const std::filesystem::path& folder, const std::string& claimant) {
+  throw RunError(folder.string(), fmt::format("was taken over by {}; this run writes no more", claimant));
 }
 
 }  // namespace
@@ -37,7 +37,7 @@ void RunClaim::keep() {
   }
   RunLockOptions options = run_lock_options(launcher_job());
   options.run = run_;
-  lock_ = RunLock::try_acquire(folder_, kWhat, options);
+  lock_ = RunLock::try_acquire(folder_, kLockHolder, options);
   if (lock_) return;
   const Descriptor file(::open(RunFolder(folder_).lock_file().c_str(), O_RDONLY | O_CLOEXEC));
   const auto holder = file.get() < 0 ? std::nullopt : read_lock_record(file.get());

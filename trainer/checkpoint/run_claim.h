@@ -9,12 +9,12 @@
 
 namespace earshot {
 
-/// What one worker has of the lock on the folder of its run.  The lock belongs to the run: whoever writes the run's files holds it, unless
+/// One worker's claim on the lock of its run folder.  The lock belongs to the run: the process that writes its files holds it, unless
 /// all workers hold it together, as those do that one process has started.
 class RunClaim {
  public:
   RunClaim() = default;
-  /// lock: that this process holds or has inherited; null where it holds none.  run: RunLock::run, the same on all workers.  is_permanent:
+  /// lock: held or inherited by this process; null without one.  run: RunLock::run, the same on all workers.  is_permanent:
   /// whether `lock` is held whatever this worker's rank.
   RunClaim(std::filesystem::path folder, std::shared_ptr<RunLock> lock, std::string run, bool is_permanent)
       : folder_(std::move(folder)), lock_(std::move(lock)), run_(std::move(run)), is_permanent_(is_permanent) {}
@@ -22,7 +22,7 @@ class RunClaim {
   /// Of the worker that writes from here on.  Where the writer before it stands still and holds the lock yet, keep() tries again.  Throws
   /// RunError where another run has the folder.
   void take();
-  /// Of a worker that writes no more, as a lower one has come back.
+  /// For a worker that stops writing because a lower rank has returned.
   void give_up();
   /// At each update of the worker that writes: throws RunError where another run has taken the folder.
   void keep();

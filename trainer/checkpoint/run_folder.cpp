@@ -96,7 +96,7 @@ void RunFolder::remove_temporaries() const {
 std::optional<std::filesystem::path> RunFolder::drop_oldest() const {
   std::map<std::uint64_t, std::filesystem::path> by_update;
   for (const auto& file : files_in(out_ / "checkpoints"))
-    if (const auto of = update_of(file.filename().string())) by_update.emplace(*of, file);
+    if (const auto update = update_of(file.filename().string())) by_update.emplace(*update, file);
   if (by_update.empty()) return std::nullopt;
   const auto [oldest, file] = *by_update.begin();
   std::vector<std::filesystem::path> newer{last_checkpoint()};
@@ -114,7 +114,7 @@ std::optional<std::filesystem::path> RunFolder::drop_oldest() const {
 void RunFolder::remove_surplus(std::uint64_t update, int keep, bool is_last) const {
   std::map<std::uint64_t, std::filesystem::path> by_update;
   for (const auto& file : files_in(out_ / "checkpoints"))
-    if (const auto of = update_of(file.filename().string())) by_update.emplace(*of, file);
+    if (const auto file_update = update_of(file.filename().string())) by_update.emplace(*file_update, file);
   int kept = 0;
   for (auto item = by_update.rbegin(); item != by_update.rend(); ++item)
     if (item->first > update || ++kept > keep) std::filesystem::remove(item->second);

@@ -12,7 +12,7 @@ namespace earshot {
 ///   checkpoints/update_NNNNNN.ckpt   one per `checkpoint_every` updates, of which the newest `keep` stay
 ///   checkpoints/best.ckpt            of the highest mean reward so far
 ///   checkpoints/last.ckpt            of the end of the run
-///   run.lock                         who writes here, while the run is under way (run_lock.h)
+/// run.lock                         holder of the lock while the run is under way (run_lock.h)
 ///   acoustics_HASH.yaml              what env.accuracy came to (planned_acoustics.h); stays when a run is overwritten
 ///   events.jsonl, events.out.tfevents.*, curve.svg, quarantine/FAULT_HASH.json
 /// Every other file there belongs to the user and is never removed.
@@ -28,7 +28,7 @@ class RunFolder {
   [[nodiscard]] std::filesystem::path curve() const { return out_ / "curve.svg"; }
   [[nodiscard]] std::filesystem::path lock_file() const { return out_ / "run.lock"; }
 
-  /// All *.ckpt in the folder and in checkpoints/ by name, whoever wrote them: what find_checkpoint chooses from.
+  /// All *.ckpt in the folder and in checkpoints/ by name: the candidates of find_checkpoint.
   [[nodiscard]] std::vector<std::filesystem::path> checkpoints() const;
   /// Removes the files above.  Throws InputError, and removes nothing, if a checkpoint of another name is there: it would be taken for one
   /// of the next run.

@@ -79,8 +79,8 @@ Patience patience_with(const std::optional<LockRecord>& holder, const RunLockOpt
 }
 
 InputError refusal(const std::filesystem::path& folder, const std::filesystem::path& file, const std::optional<LockRecord>& holder) {
-  const std::string who = holder ? holder->holder() : std::string("another process, which has not said its name");
-  return {folder.string(), "is in use by " + who,
+  const std::string holder_text = holder ? holder->holder() : std::string("another process, which has not said its name");
+  return {folder.string(), "is in use by " + holder_text,
           fmt::format("wait for its end, or name another folder; if that process is gone, remove {}", file.string())};
 }
 
@@ -110,22 +110,23 @@ bool RunLock::try_once(const LockRecord& record, const RunLockOptions& options) 
   return lease_ != nullptr;
 }
 
-std::shared_ptr<RunLock> RunLock::try_acquire(const std::filesystem::path& folder, const std::string& what, const RunLockOptions& options) {
+std::shared_ptr<RunLock> RunLock::try_acquire(const std::filesystem::path& folder, const std::string& command,
+                                              const RunLockOptions& options) {
   std::shared_ptr<RunLock> lock(new RunLock);
   lock->folder_ = folder;
   lock->file_ = RunFolder(folder).lock_file();
   lock->made_ = make_folders(folder);
-  LockRecord record = own_lock_record(what, options.job, options.run);
+  LockRecord record = own_lock_record(command, options.job, options.run);
   using Kind = RunLockOptions::Kind;
   record.is_lease = options.kind == Kind::lease || (options.kind == Kind::by_file_system && is_shared_file_system(folder));
   lock->run_ = record.run;
   return lock->try_once(record, options) ? lock : nullptr;
 }
 
-std::shared_ptr<RunLock> RunLock::acquire(const std::filesystem::path& folder, const std::string& what, const RunLockOptions& options) {
+std::shared_ptr<RunLock> RunLock::acquire(const std::filesystem::path& folder, const std::string& command, const RunLockOptions& options) {
   const auto began = Clock::now();
   for (bool has_logged = false;;) {
-    if (auto lock = try_acquire(folder, what, options)) return lock;
+    if (auto lock = try_acquire(folder, command, options)) return lock;
     const std::filesystem::path file = RunFolder(folder).lock_file();
     const auto holder = record_in(file);
     const Patience patience = patience_with(holder, options);

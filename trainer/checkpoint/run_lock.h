@@ -21,33 +21,33 @@ struct RunLockOptions {
   };
   Kind kind = Kind::by_file_system;
   std::chrono::milliseconds lease{30000};  ///< a holder that has not renewed for so long is gone
-  std::chrono::milliseconds grace{15000};  ///< how long processes take to end that are being killed
+  std::chrono::milliseconds grace{15000};  ///< time that killed processes take to end
   std::string job = {};                    ///< of the launcher: a holder of the same job is waited for, as this is its restart
   std::string run = {};                    ///< of which this one is the next holder, so that it need not wait for a lease; empty: a new run
 };
 
-/// The lock on the folder of one run: `run.lock` in it, held for the whole life of the run by whoever writes there, and gone with its
-/// holder.
+/// The lock on the folder of one run: `run.lock` in it, held by the writing process for the whole run, and released with its holder.
 ///
 /// On a local disk a lock of the kernel (of the open file description, fcntl F_OFD_SETLK): it ends when the last process ends that has the
-/// descriptor, so that workers to whom it is handed hold it too.  On a shared file system a lease (lease_file.h).  The file says who holds
-/// it; it is removed at an orderly end.
+/// descriptor, so that workers to whom it is handed hold it too.  On a shared file system a lease (lease_file.h).  The file names the
+/// holder; it is removed at an orderly end.
 class RunLock {
  public:
-  /// Makes the folder where it is missing, and removes at the end what it made and is empty.  what: "earshot train".  A holder that is
+  /// Makes the folder where it is missing, and removes at the end what it made and is empty.  command: "earshot train".  A holder that is
   /// being killed is waited for up to `grace`, one of the same job up to `lease` + `grace`.  Throws InputError that names process, host and
   /// start of another holder, at once; or the folder, where it cannot be written.
-  static std::shared_ptr<RunLock> acquire(const std::filesystem::path& folder, const std::string& what, const RunLockOptions& options = {});
+  static std::shared_ptr<RunLock> acquire(const std::filesystem::path& folder, const std::string& command,
+                                          const RunLockOptions& options = {});
   /// The same, but null where another holder has it.
-  static std::shared_ptr<RunLock> try_acquire(const std::filesystem::path& folder, const std::string& what,
+  static std::shared_ptr<RunLock> try_acquire(const std::filesystem::path& folder, const std::string& command,
                                               const RunLockOptions& options = {});
-  /// What spawn_workers() has handed to this process for that folder; null: nothing.
+  /// The lock that spawn_workers() passed to this process for that folder; null without one.
   static std::shared_ptr<RunLock> inherited(const std::filesystem::path& folder);
   ~RunLock();
   RunLock(const RunLock&) = delete;
   RunLock& operator=(const RunLock&) = delete;
 
-  /// For a process that is to hold it too, and its variable for that; -1 and the variable alone where there is no descriptor.
+  /// For a process that is to hold it too, and its variable for that; without a descriptor -1 and the variable alone.
   [[nodiscard]] int descriptor() const { return descriptor_; }
   [[nodiscard]] std::string variable() const;
   [[nodiscard]] const std::string& run() const { return run_; }

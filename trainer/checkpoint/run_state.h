@@ -11,7 +11,8 @@
 
 namespace earshot {
 
-/// What a worker that joins gets from another one: all that is the same on every worker between two updates, and what the worker that
+/// State that a joining worker receives from another one: everything that is equal on all workers between two updates, and what the worker
+/// that
 /// writes the run has to know.  Environments, their random numbers and hidden states are not part of it.
 struct RunState {
   Checkpoint learner;  ///< weights, optimizer, update, env_steps, episode_window
@@ -22,14 +23,15 @@ struct RunState {
   std::uint64_t steps_before = 0;              ///< env_steps with which this sitting began
 };
 
-/// Bits come back as they were.  decode_run_state throws RunError if the bytes are no state.
+/// Bits come back as they were.  decode_run_state throws RunError for invalid bytes.
 std::string encode_run_state(const RunState& state);
 RunState decode_run_state(std::string_view bytes);
 
 /// Over the bits of weights and optimizer, as hexadecimal digits.
 std::string hash_of_learner(const Checkpoint& learner);
 
-/// What a worker is told before it joins: which part of the environments each rank of the start has (Checkpoint::members), and the update
+/// Information for a worker before it joins: which part of the environments each rank of the start has (Checkpoint::members), and the
+/// update
 /// under way, by which its fresh environments draw other episodes than any before.
 struct JoinBriefing {
   std::vector<int> places;  ///< by rank at the start
@@ -37,7 +39,7 @@ struct JoinBriefing {
   std::uint64_t update = 0;
 };
 std::string encode_briefing(const JoinBriefing& briefing);
-/// Throws RunError if the text is none, or of another number of ranks.
+/// Throws RunError for an invalid text, or one of another number of ranks.
 JoinBriefing decode_briefing(const std::string& text, int world_size);
 
 }  // namespace earshot

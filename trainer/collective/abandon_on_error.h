@@ -9,7 +9,7 @@
 namespace earshot {
 
 /// Runs the body of a collective call.  Any failure in it ends the run for all workers: mesh.abandon(reason) tells them and takes lent
-/// memory back before the caller sees the exception, ZeroMQ's as RunError.  A change of members is none.
+/// memory back before the caller sees the exception, ZeroMQ's as RunError.  A change of members is not an error.
 template <class Mesh, class Body>
 void abandon_on_error(Mesh& mesh, Body&& body) {
   try {

@@ -13,7 +13,7 @@
 namespace earshot {
 
 /// Workers were lost and those that are left have agreed to go on without them, others have joined, or a connection was broken and has been
-/// opened anew.  What the open call was to give is void, on all workers; some of them may have completed it.
+/// opened anew.  The result of the open call is void on all workers; some may have completed it.
 class MembershipChange : public RunError {
  public:
   explicit MembershipChange(std::vector<int> lost_workers, std::vector<int> joined_workers = {});
@@ -25,7 +25,8 @@ class MembershipChange : public RunError {
   std::vector<int> lost_, joined_;
 };
 
-/// What the workers of one run do together.  Calls are collective: every worker makes the same calls in the same order.  A peer that does
+/// Communication between the workers of one run.  Calls are collective: every worker makes the same calls in the same order.  A peer that
+/// does
 /// not answer in time, dies, or speaks another protocol is a RunError that names it; no call waits for ever.  With OnLoss::go_on a peer
 /// that is lost is a MembershipChange instead, and identity() is another afterwards.
 class Collective {
@@ -48,7 +49,8 @@ class Collective {
   /// Not collective: the work between two calls calls this wherever it has got on (an env step, a minibatch), so that the others can tell a
   /// worker that is slow from one that hangs.  Costs a look at the clock.
   virtual void note_progress() {}
-  /// Not collective: how many other workers have begun the next call, which has to be one that reaches all at once (no sum of 64 KiB or
+  /// Not collective: number of other workers that have begun the next call, which has to be one that reaches all at once (no sum of 64 KiB
+  /// or
   /// more).
   [[nodiscard]] virtual int num_waiting() { return 0; }
 
@@ -78,8 +80,8 @@ std::unique_ptr<Collective> make_single_worker();
 /// version and run id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 
-/// A worker that comes to a run under way, in the place of a lost one: same run id, world size and meeting point as at the start of the
-/// run. Asks who is there, and may be refused.  Throws InputError (refused: another protocol, engine, setting or run, a rank outside the
+/// A worker that joins a run under way in place of a lost one: same run id, world size and meeting point as at the start of the
+/// run. Asks for the members, and may be refused.  Throws InputError (refused: another protocol, engine, setting or run, a rank outside the
 /// world), RunError (no worker answers, the key is not allowed).
 std::unique_ptr<Collective> make_joining_worker(const RingConfig& config);
 

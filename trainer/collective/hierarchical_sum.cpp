@@ -79,7 +79,7 @@ void HierarchicalSum::for_own_segments(std::size_t from, std::size_t to, std::si
 /// The leader has its own addend in its buffer, the others' are in their slots.
 template <class T>
 void HierarchicalSum::add_as_leader(const HostRing::Visit& visit, std::span<T> buffer, const zmq::message_t* came, T* target) const {
-  T* const own = buffer.data() + visit.first;
+  T* const own_values = buffer.data() + visit.first;
   if (visit.work == HostRing::Work::copy) {
     std::memcpy(target, came->data(), visit.count * sizeof(T));
     return;
@@ -90,10 +90,10 @@ void HierarchicalSum::add_as_leader(const HostRing::Visit& visit, std::span<T> b
       const std::size_t length = std::min(kSumBlock, end - block), offset = block - visit.first;
       T* const sum = target + offset;
       if (came != nullptr)  // the leader's is the first addend
-        add_to_message(sum, own + offset, static_cast<const std::byte*>(came->data()) + offset * sizeof(T), length);
+        add_to_message(sum, own_values + offset, static_cast<const std::byte*>(came->data()) + offset * sizeof(T), length);
       else if (from > 0)
         std::memcpy(sum, slot_at<T>(from, visit, block), length * sizeof(T));
-      for (int of = from + 1; of < to; ++of) add(sum, slot_at<T>(of, visit, block), length);
+      for (int addend = from + 1; addend < to; ++addend) add(sum, slot_at<T>(addend, visit, block), length);
     }
   };
   if (visit.work == HostRing::Work::add) return add_range(visit.first, visit.first + visit.count, 0, local_.world_size);
@@ -136,7 +136,7 @@ void HierarchicalSum::add_part(const HostRing::Visit& visit, std::size_t total) 
       const std::size_t length = std::min(kSumBlock, end - block);
       T* const sum = slot_at<T>(local_.world_size, visit, block);
       if (onto_nothing) std::memcpy(sum, slot_at<T>(from, visit, block), length * sizeof(T));
-      for (int of = from + (onto_nothing ? 1 : 0); of < to; ++of) add(sum, slot_at<T>(of, visit, block), length);
+      for (int addend = from + (onto_nothing ? 1 : 0); addend < to; ++addend) add(sum, slot_at<T>(addend, visit, block), length);
     }
   };
   if (visit.work == HostRing::Work::add) return add_range(part_begin, part_end, 0, local_.world_size, false);

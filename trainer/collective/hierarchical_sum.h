@@ -22,7 +22,7 @@ namespace earshot {
 class HierarchicalSum {
  public:
   static std::size_t bytes_for(int num_workers);
-  /// memory: bytes_for(workers of this host) bytes that they share; none where it has one worker.  The mesh must outlive the object; its
+  /// memory: bytes_for(workers of this host) bytes that they share; not needed with one worker.  The mesh must outlive the object; its
   /// ring becomes that of the leaders.  Collective.
   HierarchicalSum(PeerMesh& mesh, HostLayout layout, std::optional<SharedMemory> memory);
 
@@ -65,7 +65,7 @@ class HierarchicalSum {
   WorkerIdentity local_;  ///< place among the workers of this host
   std::optional<SharedMemory> memory_;
   std::optional<SharedProgress> workers_;  ///< in memory_
-  /// What the leader has to send on: lent to the mesh until the end of the call.
+  /// Message that the leader forwards: lent to the mesh until the end of the call.
   struct Due {
     HostRing::Visit visit;
     const std::byte* data = nullptr;

@@ -25,9 +25,9 @@ class HostRing {
     begin,  ///< addends of segment k: ranks k to the host's last
     add,    ///< onto what comes: all of the host's ranks
     end,    ///< onto what comes: the host's first rank to k - 1
-    copy    ///< what comes is complete
+    copy    ///< the received chunk is complete
   };
-  /// What a host does to one chunk.
+  /// Work of a host on one chunk.
   struct Visit {
     std::uint32_t step = 0;
     Work work = Work::begin;

@@ -18,9 +18,9 @@ namespace {
 
 constexpr const char* kName = "shared memory";
 
-[[noreturn]] void fail(int file, const std::string& what, int error) {
+[[noreturn]] void fail(int file, const std::string& operation, int error) {
   if (file >= 0) ::close(file);
-  throw RunError(kName, fmt::format("{}: {}", what, std::strerror(error)));
+  throw RunError(kName, fmt::format("{}: {}", operation, std::strerror(error)));
 }
 
 }  // namespace

@@ -11,9 +11,9 @@ namespace earshot {
 /// that maps it, however that ends.  One owner; the mapping ends with it.
 class SharedMemory {
  public:
-  /// Takes the memory at once, so that no later write meets a machine without room.  Throws RunError.
+  /// Allocates the memory at once, so that later writes cannot run out of memory.  Throws RunError.
   static SharedMemory create(std::size_t bytes);
-  /// Maps what another process created, by its path(); that process must still be there.  Throws RunError: no such process, another user's,
+  /// Maps the memory of another process by its path(); that process must still exist.  Throws RunError: no such process, another user's,
   /// another number of bytes.
   static SharedMemory open(const std::string& path, std::size_t bytes);
   SharedMemory(SharedMemory&& other) noexcept;
@@ -21,7 +21,7 @@ class SharedMemory {
   ~SharedMemory();
 
   [[nodiscard]] std::span<std::byte> bytes() const { return {static_cast<std::byte*>(address_), size_}; }
-  /// What other processes open.
+  /// Path for other processes.
   [[nodiscard]] std::string path() const;
 
  private:

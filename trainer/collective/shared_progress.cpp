@@ -33,7 +33,7 @@ bool reached(std::uint32_t progress, std::uint32_t target) { return static_cast<
 
 }  // namespace
 
-/// What one worker shows the others, on cache lines of its own.
+/// Progress of one worker for the others, on separate cache lines.
 struct alignas(128) SharedProgress::Counter {
   std::uint32_t progress = 0;
   std::uint32_t sleepers = 0;  ///< workers that may be asleep on `progress`
@@ -57,9 +57,9 @@ SharedProgress::Counter& SharedProgress::counter(int place) const {
 }
 
 void SharedProgress::announce(std::uint32_t progress) {
-  Counter& own = counter(identity_.rank);
-  Word(own.progress).store(progress);
-  if (Word(own.sleepers).load() > 0) wake_all(own.progress);
+  Counter& own_counter = counter(identity_.rank);
+  Word(own_counter.progress).store(progress);
+  if (Word(own_counter.sleepers).load() > 0) wake_all(own_counter.progress);
 }
 
 void SharedProgress::wait_for_all(std::uint32_t progress, const Check& check) {

@@ -11,8 +11,8 @@
 namespace earshot {
 
 /// Counters in memory that the workers of one host share.  Every worker has one that it alone advances; the others wait for it, first in a
-/// short loop, then asleep in the kernel (futex).  A worker that dies leaves its counter as it is, which nothing here notices: `check`
-/// does.  One thread per worker.
+/// short loop, then asleep in the kernel (futex).  The counter of a dead worker stays unchanged, which only `check` detects.  One thread
+/// per worker.
 class SharedProgress {
  public:
   /// Called about every 10 ms while this worker waits for worker `awaited`; ends the wait by an exception.
@@ -23,12 +23,13 @@ class SharedProgress {
   /// ranks: first_rank is that of the first one.  identity: place among the workers that share.
   SharedProgress(std::span<std::byte> memory, WorkerIdentity identity, int first_rank = 0);
 
-  /// All that this worker wrote before is there for whoever sees the new progress.  Progress may overflow.
+  /// Earlier writes of this worker are visible to readers of the new progress.  Progress may overflow.
   void announce(std::uint32_t progress);
   void wait_for_all(std::uint32_t progress, const Check& check);
   void wait_for(int place, std::uint32_t progress, const Check& check);
 
-  /// What this worker's call is, before its first announcement; two may be there at a time (`parity` 0 or 1), as a worker may have begun
+  /// States the call of this worker, before its first announcement; two may be there at a time (`parity` 0 or 1), as a worker may have
+  /// begun
   /// the next call, never the one after it.
   void state_call(std::size_t parity, Operation operation, std::size_t bytes);
   /// Throws RunError that names a worker whose call differs.

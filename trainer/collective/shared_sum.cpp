@@ -60,7 +60,7 @@ void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check
   const auto world = static_cast<std::size_t>(world_size);
   workers_.state_call(buffer_index(), operation, buffer.size_bytes());
   const bool every_rank_sums = world_size == 2 || buffer.size_bytes() < kSmallSumBytes;
-  const auto slot_of = [&](int of) { return reinterpret_cast<const T*>(slot(of)); };
+  const auto slot_of = [&](int rank_of_slot) { return reinterpret_cast<const T*>(slot(rank_of_slot)); };
 
   // An empty buffer is one empty chunk: all calls are collective.  A slot is written again two chunks later.  By then every worker has
   // announced the chunk between, which it does only when it has read all it needs of this one.
@@ -78,7 +78,8 @@ void SharedSum::sum_chunks(Operation operation, std::span<T> buffer, const Check
       T* const results = reinterpret_cast<T*>(slot(world_size));
       const std::size_t begin = segment_start(count, static_cast<std::size_t>(rank), world);
       const std::size_t end = segment_start(count, static_cast<std::size_t>(rank) + 1, world);
-      sum_in_order(results + begin, first + begin, end - begin, buffer.size(), world_size, [&](int of) { return slot_of(of) + begin; });
+      sum_in_order(results + begin, first + begin, end - begin, buffer.size(), world_size,
+                   [&](int rank_of_slot) { return slot_of(rank_of_slot) + begin; });
       workers_.announce(progress_ + 2);
       workers_.wait_for_all(progress_ + 2, check);
       std::memcpy(out, results, count * sizeof(T));

@@ -21,13 +21,13 @@ struct Outgoing {
   std::size_t sent = 0;
   bool done = false;
 
-  /// False when its queue is full.  What is there of `total` bytes may grow.
-  bool send(TreeMesh& mesh, FrameHeader header, std::span<const std::byte> there, std::size_t total) {
-    while (!done && (sent < there.size() || there.size() == total)) {  // nothing is one empty message
+  /// False when its queue is full.  The available part of `total` bytes may grow.
+  bool send(TreeMesh& mesh, FrameHeader header, std::span<const std::byte> payload, std::size_t total) {
+    while (!done && (sent < payload.size() || payload.size() == total)) {  // nothing is one empty message
       header.offset = sent;
       header.total = total;
-      const std::size_t length = std::min(kChunkBytes, there.size() - sent);
-      if (!mesh.send_control(rank, header, there.subspan(sent, length))) return false;
+      const std::size_t length = std::min(kChunkBytes, payload.size() - sent);
+      if (!mesh.send_control(rank, header, payload.subspan(sent, length))) return false;
       sent += length;
       done = sent == total;
     }

@@ -13,7 +13,7 @@
 namespace earshot {
 
 /// Collective calls of many workers over a TreeMesh.  Parts go up the tree, each worker's with those of its subtree behind it, so that they
-/// come to rank 0 in rank order; what it makes of them goes down, each chunk as soon as it has come.  Rank 0 adds up small sums in rank
+/// come to rank 0 in rank order; the result goes down, each chunk as soon as it is ready.  Rank 0 adds up small sums in rank
 /// order; large ones go round the ring: the order of sum_order.h in both.  Sums are always sent, also between workers of one host.
 class TreeCollective : public Collective {
  public:

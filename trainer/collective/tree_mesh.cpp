@@ -25,10 +25,10 @@ constexpr milliseconds kLinger{3000};  // for messages to leave; only a neighbou
 constexpr milliseconds kLongestWait{100}, kLookInterval{100}, kCountInterval{100};
 constexpr int kCountsAhead = 100;            // to a neighbour that is away: its queue must not fill (kQueuedControl)
 constexpr milliseconds kAnnounceAfter{250};  // who still waits in a call then says so
-// What the rest leave to the neighbours of a worker that is missing, beyond another timeout, to say so.
+// Extra time for the neighbours of a missing worker to report it, beyond another timeout.
 constexpr milliseconds kPassingOn{5000};
 
-/// What a worker says crosses the tree, there and back, in half of a call's timeout.
+/// A message crosses the tree and returns within half of a call's timeout.
 Liveness::Limits tree_limits(const RingConfig& config) {
   Liveness::Limits limits = Liveness::limits_of(config, kGoodbyeGrace);
   const int longest_way = 2 * tree_depth(config.identity.world_size);
@@ -163,7 +163,7 @@ void TreeMesh::take_progress(Neighbour& from, const FrameHeader& header) {
 void TreeMesh::check_neighbours() {
   for (const Neighbour& neighbour : neighbours_) {
     if (const auto& num_calls = liveness_.finished_after(neighbour.rank)) {
-      // It has done its part of this call or it never will; what it did send may still be on its way.
+      // It has done its part of this call or never will; its messages may still be in transit.
       if (is_open_ && *num_calls <= liveness_.call()) throw liveness_.has_left(neighbour.rank);
     } else if (liveness_.is_gone(neighbour.rank)) {
       throw WorldLost(
@@ -225,11 +225,11 @@ void TreeMesh::send_progress() {
   }
 }
 
-/// Between two calls: what would end the next one, passed on at once.
+/// Between two calls: forwards at once any message that would end the next one.
 void TreeMesh::look_around() {
   if (abandoned_) return;
   try {
-    receive_control();  // what belongs to the next call is kept
+    receive_control();  // messages of the next call are kept
     links_.read_monitors();
     check_neighbours();
   } catch (const RunError& error) {

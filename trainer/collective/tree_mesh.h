@@ -21,12 +21,12 @@ namespace earshot {
 /// and in a ring the next rank, for bulk messages; 20 connections at most, whatever the number of workers.  All used by the one thread that
 /// owns this object.  PeerLinks and Liveness are those of a PeerMesh, with other neighbours; a lost worker is always the end of the run.
 ///
-/// No worker hears of all others, so that neighbours pass on what concerns all:
+/// A worker is connected to its neighbours only, which forward messages for all:
 /// - a goodbye with a reason, to all other neighbours, with the rank that has stopped the run;
 /// - progress: a message of progress says whether any worker on the sender's side of the tree has got on, and the deadline moves on;
 /// - how many workers on the sender's side have begun the next call.
-/// A neighbour that has begun the open call only waits for others.  So whoever is missing is named by its neighbours; the rest, whose
-/// neighbours all wait, leave them the time to say so.
+/// A neighbour that has begun the open call only waits for others.  So the neighbours of a missing worker name it; the other workers wait
+/// for this report.
 class TreeMesh {
  public:
   using Clock = std::chrono::steady_clock;
@@ -38,7 +38,7 @@ class TreeMesh {
 
   [[nodiscard]] WorkerIdentity identity() const { return config_.identity; }
   [[nodiscard]] const TreeNode& node() const { return node_; }
-  /// From whom bulk messages come.
+  /// Sender of bulk messages.
   [[nodiscard]] int left() const { return identity().left(); }
   [[nodiscard]] int right() const { return identity().right(); }
   [[nodiscard]] static int rank_of(int rank) { return rank; }
@@ -63,7 +63,7 @@ class TreeMesh {
   /// Between two calls: tells the neighbours that this worker gets on, passes on what they say, at most ten times a second.  A lost
   /// neighbour or a stopped run is passed on at once, and thrown by the next call.
   void note_progress();
-  /// Between two calls: how many other workers have begun call number `next`, as far as that has come to this one: up to 0.2 s later per
+  /// Between two calls: number of other workers known to have begun call number `next`: up to 0.2 s later per
   /// level of the tree, or a step of a worker on the way.
   int num_waiting(std::uint64_t next);
 
@@ -116,7 +116,7 @@ class TreeMesh {
   Clock::time_point counts_sent_at_, looked_at_;
   std::optional<Stop> stopped_by_;  ///< another worker's goodbye
   std::optional<std::string> abandoned_;
-  std::exception_ptr between_calls_;  ///< what look_around() has found
+  std::exception_ptr between_calls_;  ///< results of look_around()
 };
 
 }  // namespace earshot

@@ -9,13 +9,13 @@
 
 namespace earshot {
 
-/// What one worker says of its own update; travels as it lies in memory.
+/// One worker's report of its update; sent as raw bytes.
 struct WorkerUpdate {
   double update_s, collect_s, rollout_steps, episodes, stopped, explained_variance, approx_kl, clip_fraction;
 };
 
 /// Of all workers, by rank.  A collective call.  Throws RunError naming a worker whose message has another size.
-std::vector<WorkerUpdate> gather_worker_updates(Collective& collective, const WorkerUpdate& own);
+std::vector<WorkerUpdate> gather_worker_updates(Collective& collective, const WorkerUpdate& update);
 /// Curve points under workers/, by the rank with which each worker began.  members: Collective::members.
 void append_worker_values(std::vector<std::pair<std::string, double>>& values, const std::vector<int>& members,
                           const std::vector<WorkerUpdate>& of_all);

@@ -228,13 +228,13 @@ bool ZmqRing::has_joiners() {
 /// Every member knows who is to join before any proposes a view with them: the barrier stands between.
 void ZmqRing::admit() {
   const auto lists = all_gather(std::exchange(candidates_, {}));
-  bool any = false;
+  bool has_candidates = false;
   collective_call([&] {
-    for (const std::string& list : lists) any = mesh_.admissions().expect(list) || any;
+    for (const std::string& list : lists) has_candidates = mesh_.admissions().expect(list) || has_candidates;
     exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
       if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
     });
-    if (any) mesh_.admissions().invite();
+    if (has_candidates) mesh_.admissions().invite();
   });
 }
 

@@ -69,7 +69,7 @@ class ZmqRing : public Collective {
   std::optional<SharedSum> sums_;             ///< in memory_
   std::optional<HierarchicalSum> hierarchy_;  ///< owns its memory
   std::uint64_t sequence_ = 0;
-  std::string candidates_;                ///< what admit() tells the others
+  std::string candidates_;                ///< candidates that admit() announces
   std::vector<std::byte> contributions_;  ///< [world_size, bytes] of a small sum
 };
 

@@ -34,7 +34,7 @@ std::string line_of(const CurvePoint& point) {
   return json_text_of_any_bytes(line) + "\n";
 }
 
-/// Throws nlohmann::json::exception when the line is no point, InputError naming `where` when it is of a newer version.
+/// Throws nlohmann::json::exception when the line is not a point, InputError naming `where` when it is of a newer version.
 CurvePoint point_of(std::string_view line, const std::string& where) {
   // To the parser a zero byte is the end of the text.
   const Json json = parse_ordered_json(line.substr(0, line.find('\0') == std::string_view::npos ? line.size() : 0));

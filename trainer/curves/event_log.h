@@ -16,7 +16,7 @@ namespace earshot {
 struct CurvePoint {
   std::uint64_t update = 0, env_steps = 0;
   double wall_s = 0;                                   ///< since the run began, pauses left out
-  std::vector<std::pair<std::string, double>> values;  ///< by name, in file order; NaN where there is no value (null in the file)
+  std::vector<std::pair<std::string, double>> values;  ///< by name, in file order; NaN for a missing value (null in the file)
 };
 
 /// The training curves of one run, in its folder: events.jsonl, one line {"update", "env_steps", "wall_s", "values": {name: number or
@@ -24,7 +24,7 @@ struct CurvePoint {
 class EventLog {
  public:
   /// Creates the folder.  Points after `resumed_update` are of a future that a resumed run makes anew: they are cut off (0: a fresh curve).
-  /// Throws InputError if events.jsonl is there and is no event log, RunError if it cannot be written.
+  /// Throws InputError if events.jsonl exists and is not an event log, RunError if it cannot be written.
   explicit EventLog(const std::filesystem::path& folder, std::uint64_t resumed_update = 0);
   ~EventLog();
   EventLog(const EventLog&) = delete;

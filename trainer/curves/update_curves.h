@@ -12,7 +12,8 @@
 
 namespace earshot {
 
-/// What one update adds to the curves, by name: episodes of late, losses, seconds per stage, and what guides the policy where anything
+/// Values that one update adds to the curves, by name: episodes of late, losses, seconds per stage, and what guides the policy where
+/// anything
 /// does. progress: of the training, in [0, 1].
 std::vector<std::pair<std::string, double>> update_curves(const EpisodeSums& recent, const UpdateStats& stats, const StageTimes& times,
                                                           double steps_per_s, const GuidanceConfig& guidance, double progress);

@@ -36,8 +36,8 @@ class HostlistReader {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError(fmt::format("host list '{}{}'", text_.substr(0, 80), text_.size() > 80 ? "..." : ""), what, kRemedy);
+  [[noreturn]] void fail(const std::string& problem) const {
+    throw InputError(fmt::format("host list '{}{}'", text_.substr(0, 80), text_.size() > 80 ? "..." : ""), problem, kRemedy);
   }
   [[nodiscard]] bool more() const { return at_ < text_.size(); }
 

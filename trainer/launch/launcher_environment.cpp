@@ -84,11 +84,11 @@ class Table {
     return result;
   }
   /// Two variables that must say the same.
-  void expect_equal(const std::string& one, const std::string& other) const {
-    if (has(one) && has(other) && number(one) != number(other)) refuse_both(one, other);
+  void expect_equal(const std::string& first, const std::string& other) const {
+    if (has(first) && has(other) && number(first) != number(other)) refuse_both(first, other);
   }
-  [[noreturn]] void refuse_both(const std::string& one, const std::string& other) const {
-    throw InputError(fmt::format("{} = {}", one, shown(text(one))), fmt::format("contradicts {} = {}", other, shown(text(other))),
+  [[noreturn]] void refuse_both(const std::string& first, const std::string& other) const {
+    throw InputError(fmt::format("{} = {}", first, shown(text(first))), fmt::format("contradicts {} = {}", other, shown(text(other))),
                      "unset the variable that belongs to another launcher");
   }
 
@@ -97,7 +97,7 @@ class Table {
   std::string launcher_;
 };
 
-/// What a launcher says; what it does not say stays empty.
+/// Values of a launcher; missing ones stay empty.
 struct Said {
   std::string launcher;
   WorkerIdentity identity;
@@ -208,27 +208,28 @@ std::string tcp_address(const std::string& host, int port) {
 }  // namespace
 
 std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port, int last_port) {
-  const Table own(variables, "Earshot");
-  const bool complete = own.has(kRankName) && own.has(kWorldSizeName) && own.has(kRendezvousName) && own.has(kRunIdName);
+  const Table earshot_variables(variables, "Earshot");
+  const bool complete = earshot_variables.has(kRankName) && earshot_variables.has(kWorldSizeName) &&
+                        earshot_variables.has(kRendezvousName) && earshot_variables.has(kRunIdName);
   LaunchedWorker worker;
   if (complete) {
     worker.launcher = kRankName;
-    worker.ring.identity = {own.number(kRankName), own.number(kWorldSizeName)};
-    worker.ring.rendezvous = own.text(kRendezvousName);
-    worker.ring.run_id = own.text(kRunIdName);
+    worker.ring.identity = {earshot_variables.number(kRankName), earshot_variables.number(kWorldSizeName)};
+    worker.ring.rendezvous = earshot_variables.text(kRendezvousName);
+    worker.ring.run_id = earshot_variables.text(kRunIdName);
     return worker;
   }
   const auto said = from_launcher(variables);
   if (!said) {
     for (const char* name : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
       for (const char* other : {kRankName, kWorldSizeName, kRendezvousName, kRunIdName})
-        if (own.has(name) && !own.has(other))
+        if (earshot_variables.has(name) && !earshot_variables.has(other))
           throw InputError(other, fmt::format("is not set, although {} is set and no launcher was found", name),
                            "set all of EARSHOT_RANK, EARSHOT_WORLD_SIZE, EARSHOT_RENDEZVOUS and EARSHOT_RUN_ID, or none of them");
     return std::nullopt;
   }
-  own.expect_equal(kRankName, said->rank_name);
-  own.expect_equal(kWorldSizeName, said->size_name);
+  earshot_variables.expect_equal(kRankName, said->rank_name);
+  earshot_variables.expect_equal(kWorldSizeName, said->size_name);
   const auto [rank, world_size] = said->identity;
   require(world_size >= 1, said->size_name, world_size, "must be at least 1");
   require(rank >= 0 && rank < world_size, said->rank_name, rank,
@@ -237,12 +238,12 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
 
   worker.launcher = said->launcher;
   worker.ring.identity = said->identity;
-  worker.ring.run_id = own.has(kRunIdName) ? own.text(kRunIdName) : said->run_id;
+  worker.ring.run_id = earshot_variables.has(kRunIdName) ? earshot_variables.text(kRunIdName) : said->run_id;
   if (worker.ring.run_id.empty())
     throw InputError(kRunIdName, fmt::format("is not set, and {} provides no job id", said->launcher),
                      "set EARSHOT_RUN_ID to a text that is the same in all workers of this run and different in every other run");
-  if (own.has(kRendezvousName)) {
-    worker.ring.rendezvous = own.text(kRendezvousName);
+  if (earshot_variables.has(kRendezvousName)) {
+    worker.ring.rendezvous = earshot_variables.text(kRendezvousName);
   } else if (said->one_host) {
     worker.folder = meeting_folder(worker.ring.run_id);
     worker.ring.rendezvous = fmt::format("ipc://{}", (worker.folder / "meet").string());

@@ -16,7 +16,7 @@ namespace earshot {
 /// Environment variables by name.
 using Variables = std::map<std::string, std::string>;
 
-/// What the launcher of a job says about this process.
+/// Rank, world size and hosts that a launcher states for this process.
 struct LaunchedWorker {
   std::string launcher;  ///< "EARSHOT_RANK" (our own spawn, or set by hand), "torchrun", "Open MPI", "MPICH", "Slurm", "Kubernetes"
   RingConfig ring;       ///< identity, rendezvous, run id; not validated
@@ -32,7 +32,7 @@ struct LaunchedWorker {
 /// complete or replace what tables 2 to 6 say of these two; EARSHOT_WORLD_SIZE and EARSHOT_RANK complete them and must agree with them.
 /// Where all ranks are on one host they meet in a folder of the user's own, elsewhere at tcp://HOST OF RANK 0:PORT.
 /// nullopt: no table, or one with a single process, which starts like a program without a launcher.  Throws InputError, one line: a table
-/// with a part missing, a value that is no number, a rank outside the world, two sources that differ.
+/// with a part missing, a value that is not a number, a rank outside the world, two sources that differ.
 /// first_port, last_port: where the port of a meeting point may lie whose launcher names only a host.
 std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port = 20000, int last_port = 29999);
 

@@ -9,7 +9,7 @@
 namespace earshot {
 namespace {
 
-/// Those of a batch system come first: what it runs may give itself another name at each start.
+/// Variables of a batch system come first: a launcher inside may choose another name at each start.
 constexpr std::array kJobNames{"SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID", "TORCHELASTIC_RUN_ID", "PMIX_NAMESPACE", kRunIdName};
 
 }  // namespace

@@ -6,7 +6,7 @@
 namespace earshot {
 
 /// The folder in which the workers of one host meet, mode 0700; each of them has one of these, which removes its sockets and, of the last
-/// worker, the folder.  What a killed worker left in it stays, and is taken over by the next run of the same name.
+/// worker, the folder.  Files of a killed worker stay, and the next run of the same name takes them over.
 class MeetingFolder {
  public:
   /// An empty path stands for none.  Throws RunError if it can neither be made nor is there; that it is private is checked by

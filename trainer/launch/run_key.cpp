@@ -30,11 +30,11 @@ void make_private_folder(const std::filesystem::path& folder) {
 
 /// Whole under its name or not there: others read it at any time.
 void make_keys(const std::filesystem::path& file) {
-  const std::filesystem::path own = fmt::format("{}.{}", file.string(), ::getpid());
-  ::unlink(own.c_str());  // of a killed process with this number
-  write_curve_keys(own, make_curve_keys());
-  ::link(own.c_str(), file.c_str());  // where another worker came first, its keys are taken
-  ::unlink(own.c_str());
+  const std::filesystem::path temporary = fmt::format("{}.{}", file.string(), ::getpid());
+  ::unlink(temporary.c_str());  // of a killed process with this number
+  write_curve_keys(temporary, make_curve_keys());
+  ::link(temporary.c_str(), file.c_str());  // where another worker came first, its keys are taken
+  ::unlink(temporary.c_str());
 }
 
 }  // namespace

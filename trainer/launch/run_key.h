@@ -8,10 +8,11 @@
 
 namespace earshot {
 
-/// The keys that a run makes for itself where its workers meet over tcp on the loopback interface, and the user has given none: every
-/// process of the machine can connect there, and a run id is no secret.  The file lies in a folder of mode 0700 whose name is a function of
-/// user, run id and meeting point; whoever comes first makes it, all others read it, and the last worker of the run removes it.  What a
-/// killed run leaves is used by the next one of that name.
+/// The keys that a run makes for itself where its workers meet over tcp on the loopback interface, and the user states none: every
+/// process of the machine can connect there, and a run id is not secret.  The file lies in a folder of mode 0700 whose name is a function
+/// of
+/// user, run id and meeting point; the first worker creates it, all others read it, and the last worker of the run removes it.  The next
+/// run of that name uses the file of a killed run.
 class RunKey {
  public:
   /// Throws InputError where the folder is another user's or open to others, RunError where it cannot be made.

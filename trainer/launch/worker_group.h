@@ -16,7 +16,7 @@ namespace earshot {
 /// a rollout, or the loading of a large scene, and workers differ; a dead one is noticed anyway.
 std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& network = {});
 
-/// What the workers get of the process that starts them.
+/// Resources that workers inherit from the process that starts them.
 struct Handed {
   std::vector<int> descriptors = {};        ///< open files; under the same numbers
   std::vector<std::string> variables = {};  ///< "NAME=VALUE", in the place of those of this process
@@ -34,7 +34,8 @@ struct Handed {
 /// failed by itself; kExitLostWorld where a worker was killed from outside, or none has failed but by the loss of others.
 ///
 /// With OnLoss::go_on a worker that is killed, or ends with kExitLostWorld, stops no other, and the run has succeeded if a worker has;
-/// what then still stands stopped, or is there a minute later, is killed.  While the run is under way, a lost worker is started again with
+/// processes that are then stopped, or still alive a minute later, are killed.  While the run is under way, a lost worker is started again
+/// with
 /// --join, `restarts` times in all; one that was started so ends no other, however it ends.
 int spawn_workers(int num_workers, const std::vector<std::string>& arguments, std::chrono::milliseconds grace = std::chrono::seconds(5),
                   OnLoss on_loss = OnLoss::stop, int restarts = 0, const Handed& handed = {});

@@ -20,7 +20,7 @@ torch::Tensor gae(const torch::Tensor& rewards, const torch::Tensor& values, con
   const torch::Tensor last = next_value.to(torch::kFloat64).view({1, -1});
   const torch::Tensor following = T > 1 ? torch::cat({v.slice(0, 1), last}) : last;  // [T, B] V(s_{t+1})
 
-  // Chosen by `where`, not multiplied by 0 and 1: what is not chosen may be anything, NaN included.
+  // Chosen by `where`, not multiplied by 0 and 1: the other values may be NaN.
   torch::Tensor bootstrap = torch::where(by_time, final_values.to(torch::kFloat64), following);
   bootstrap = torch::where(by_end, torch::zeros_like(v), bootstrap);
   const torch::Tensor deltas = torch::where(unknown, torch::zeros_like(v), r + config.gamma * bootstrap - v);

@@ -5,7 +5,7 @@ namespace earshot {
 
 class ConfigReader;
 
-/// What training takes from the simulator beside rewards.  All of it is off by default, and nothing of it is there when the agent is
+/// Training signals from the simulator besides rewards.  All of it is off by default, and nothing of it is there when the agent is
 /// evaluated: the oracle's actions and the way to the goal are labels (privileged sensors, envs/sensors/sensor.h).
 struct GuidanceConfig {
   /// Weight of the cross-entropy between the policy and the oracle's action at every observation of the rollout (DAgger, Ross, Gordon and

@@ -66,7 +66,7 @@ double explained_variance(const torch::Tensor& values, const torch::Tensor& retu
   return variance > 0 ? 1 - (r - v).var(false).item<double>() / variance : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// The state that torch's Adam keeps of a parameter, begun where there is none.
+/// The state of a parameter in torch's Adam, created if absent.
 torch::optim::AdamParamState& state_of(torch::optim::Adam& optimizer, const torch::Tensor& parameter) {
   auto& state = optimizer.state()[optimizer_key(parameter)];
   if (!state) {

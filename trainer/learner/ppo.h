@@ -35,7 +35,7 @@ PpoLoss ppo_loss(const torch::Tensor& log_prob, const torch::Tensor& old_log_pro
                  const torch::Tensor& values, const torch::Tensor& old_values, const torch::Tensor& returns, const torch::Tensor& entropy,
                  const torch::Tensor& valid, double clip, const PpoConfig& config);
 
-/// A larger difference between the policy of the rollout and that of the learner before its first step is no rounding
+/// A larger difference between the policy of the rollout and that of the learner before its first step is not rounding
 /// (docs/explanation/ppo.md): a mask, a hidden state or an observation is not what the policy acted on.
 inline constexpr double kMaxRatioError = 1e-4;
 
@@ -50,7 +50,7 @@ struct UpdateStats {
   int taken_steps = 0;               ///< optimizer steps, the same on every worker
   int skipped_steps = 0;             ///< optimizer steps that no worker took because something was not finite or not the same everywhere
   std::vector<SkippedStep> skipped;  ///< each of them: which one, why, which ranks; the same on every worker
-  int non_finite_here = 0;           ///< how often this worker's own loss or gradient was not finite
+  int non_finite_here = 0;           ///< number of non-finite losses or gradients of this worker
   /// Minibatches of all workers over PpoConfig::loss_alarm or kl_alarm, and the first worker that had one (-1: none).
   int loss_alarms = 0, kl_alarms = 0, alarm_rank = -1;
   double alarm_loss = 0, alarm_kl = 0;  ///< of that first one

@@ -7,7 +7,7 @@ namespace earshot {
 
 class ConfigReader;
 
-/// What a worker whose rollout ended early counts for in the mean over workers (docs/explanation/ppo.md, section 5.3).
+/// Weight of a worker whose rollout ended early in the mean over workers (docs/explanation/ppo.md, section 5.3).
 enum class PreemptWeight {
   sample,    ///< each sample the same
   worker,    ///< each worker the same

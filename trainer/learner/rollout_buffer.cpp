@@ -97,7 +97,7 @@ void RolloutBuffer::push_outcome(std::span<const float> reward, std::span<const 
 void RolloutBuffer::drop(std::int64_t step, std::int64_t env) {
   if (valid[step][env].item<float>() != 0) ++dropped_rows_;
   valid[step][env] = 0;
-  // What is finite stays: the row before may still bootstrap from this row's value.
+  // Finite values stay: the previous row may still bootstrap from the value of this row.
   for (torch::Tensor* slab : {&rewards, &values, &log_prob, &final_values}) {
     float& number = (*slab)[step].data_ptr<float>()[env];
     if (!std::isfinite(number)) number = 0;
@@ -108,7 +108,7 @@ void RolloutBuffer::finish(const torch::Tensor& value) {
   EARSHOT_EXPECT(steps_ > 0 && value.numel() == num_envs_);
   const torch::NoGradGuard no_gradient;
   next_value.copy_(value);
-  // Without the value that the last row leads to, what came of that row is not known.
+  // Without the value after the last row, the return of that row is unknown.
   for (std::int64_t env = 0; env < num_envs_; ++env)
     if (!std::isfinite(next_value.data_ptr<float>()[env])) {
       next_value[env] = 0;

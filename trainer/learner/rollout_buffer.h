@@ -16,7 +16,7 @@ namespace earshot {
 /// step, then finish(); a rollout may stop early, the rows past num_steps() are never read (docs/explanation/ppo.md, section 1.2: stale
 /// rows corrupted the original).
 ///
-/// Nothing that is not finite comes to rest here: a row whose reward, value, log-probability or bootstrap is NaN or infinite gets a zero
+/// Only finite values are stored: a row whose reward, value, log-probability or bootstrap is NaN or infinite gets a zero
 /// there and valid = 0, which gae() and the losses know how to leave out, and is counted.
 class RolloutBuffer {
  public:
@@ -24,18 +24,18 @@ class RolloutBuffer {
 
   /// hidden [B, hidden_size] before the first step of this rollout.
   void begin(const torch::Tensor& hidden);
-  /// What the policy saw and did at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first
+  /// Observation and action at step t; everything is copied.  actions [B] int64.  not_done [B]: 0 where this observation is the first
   /// of an episode.  guided [B] or undefined (none): 1 where the oracle chose the action, from which PPO learns nothing.
   void push(const ObservationTensors& observations, const torch::Tensor& not_done, const torch::Tensor& actions,
             const torch::Tensor& log_prob, const torch::Tensor& value, const torch::Tensor& guided = {});
-  /// What came of it.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs and for steps that are no
-  /// experience (quarantined, or acted on a sanitized observation).
+  /// Outcome of the step.  final_value [B]: V(final observation) where truncated, else 0.  valid [B]: 0 for idle envs and for steps to
+  /// exclude from training (quarantined, or acted on a sanitized observation).
   void push_outcome(std::span<const float> rewards, std::span<const std::uint8_t> terminated, std::span<const std::uint8_t> truncated,
                     const torch::Tensor& final_value, std::span<const std::uint8_t> valid);
   /// next_value [B]: V of the observation after the last row.
   void finish(const torch::Tensor& next_value);
 
-  /// Envs [first, first + count) of this rollout, in the same memory: who fills them fills these columns here.  Once all columns have
+  /// Envs [first, first + count) of this rollout, in the same memory: writes to them fill these columns.  Once all columns have
   /// num_steps rows, say so to columns_are_filled().
   [[nodiscard]] RolloutBuffer columns(int first, int count) const;
   void columns_are_filled(int num_steps) { steps_ = num_steps; }

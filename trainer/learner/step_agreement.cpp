@@ -54,15 +54,15 @@ StepDecision decide(std::span<const StepStatus> statuses) {
   if (!faulty.empty()) return {false, SkipCause::gradient, faulty};
 
   // Equal hash or equally not finite: NaN has many bit patterns, and which of them a sum keeps is the processor's business.
-  const auto same = [](const StepStatus& a, const StepStatus& b) {
+  const auto agrees = [](const StepStatus& a, const StepStatus& b) {
     return a.finite_sum == b.finite_sum && (!a.finite_sum || a.sum_hash == b.sum_hash);
   };
   std::vector<int> damaged;
   bool majority = false;
   for (const StepStatus& candidate : statuses) {
-    const auto others = find_ranks(statuses, [&](const StepStatus& status) { return !same(status, candidate); });
-    if (2 * others.size() < statuses.size()) {
-      damaged = others;
+    const auto disagreeing = find_ranks(statuses, [&](const StepStatus& status) { return !agrees(status, candidate); });
+    if (2 * disagreeing.size() < statuses.size()) {
+      damaged = disagreeing;
       majority = true;
       break;
     }
@@ -74,14 +74,14 @@ StepDecision decide(std::span<const StepStatus> statuses) {
 }
 
 std::string describe(const SkippedStep& step) {
-  const std::string who = fmt::format("worker{} {}", step.faulty_ranks.size() == 1 ? "" : "s", listed(step.faulty_ranks, ", "));
+  const std::string faulty_workers = fmt::format("worker{} {}", step.faulty_ranks.size() == 1 ? "" : "s", listed(step.faulty_ranks, ", "));
   switch (step.cause) {
     case SkipCause::gradient:
-      return fmt::format("the loss or gradient of {} is not finite", who);
+      return fmt::format("the loss or gradient of {} is not finite", faulty_workers);
     case SkipCause::sum:
       return "all workers have finite gradients, but their sum is not finite: it overflowed, or a message was damaged";
     case SkipCause::message:
-      return fmt::format("the sum received by {} was damaged in transit", who);
+      return fmt::format("the sum received by {} was damaged in transit", faulty_workers);
   }
   return {};
 }

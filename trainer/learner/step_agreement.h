@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// What one worker knows of one optimizer step before any worker takes it.
+/// One worker's status of an optimizer step before any worker takes it.
 struct StepStatus {
   bool finite_here = true;         ///< its own loss and gradient, before they were summed
   bool finite_sum = true;          ///< the sum over workers as it reached this one
@@ -25,7 +25,7 @@ std::vector<StepStatus> exchange_status(const StepStatus& mine, Collective& coll
 enum class SkipCause {
   gradient,  ///< the faulty ranks' own loss or gradient is not finite
   sum,       ///< all contributions are finite, but their sum is not, on any worker: it overflowed, or a message was damaged on its way in
-  message    ///< the workers hold different sums: what reached the faulty ranks was damaged on its way
+  message    ///< the workers hold different sums: the data of the faulty ranks was damaged in transit
 };
 
 struct StepDecision {

@@ -36,12 +36,12 @@ class AdmissionDesk {
   /// Tells those that wait that they will not be let in.
   void close() { meeting_point_.reset(); }
 
-  /// What workers that want to join are told.
+  /// Answers to workers that want to join.
   void brief(const std::string& text) { briefing_ = text; }
   /// At the worker that listens for them: those that are ready, encoded; else empty.
   [[nodiscard]] std::string candidates();
   /// What that worker has found, on all members: the next view may have them.  Tells them so.  False if there are none.  Throws RunError
-  /// for candidates that cannot be.
+  /// for invalid candidates.
   bool expect(const std::string& candidates);
   /// Once all members expect them: throws MembershipDesk::Disruption, so that all agree on a view with them.
   [[noreturn]] void invite();
@@ -55,7 +55,7 @@ class AdmissionDesk {
   const RingConfig& config_;
   PeerLinks& links_;
   MembershipDesk& desk_;
-  int meeting_rank_ = 0;                         ///< who listens for workers that want to join
+  int meeting_rank_ = 0;                         ///< rank that listens for workers that want to join
   std::unique_ptr<MeetingPoint> meeting_point_;  ///< of that worker
   std::string briefing_;
 };

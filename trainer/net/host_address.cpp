@@ -47,7 +47,7 @@ bool is_link_local(std::string_view address) {
   return address.starts_with("fe8") || address.starts_with("fe9") || address.starts_with("fea") || address.starts_with("feb");
 }
 
-/// The addresses of a name or of a numeric text; `status` says why there are none.
+/// The addresses of a name or of a numeric text; `status` tells why there are none.
 std::unique_ptr<addrinfo, ReleaseAddresses> look_up(const std::string& host, const std::string& port, int flags, int& status) {
   addrinfo hints{};
   hints.ai_socktype = SOCK_DGRAM;
@@ -65,8 +65,8 @@ std::string TcpAddress::endpoint() const {
 }
 
 TcpAddress parse_tcp(std::string_view endpoint) {
-  const auto refuse = [&](const char* what) -> InputError {
-    return {fmt::format("address '{}'", endpoint.substr(0, 80)), what,
+  const auto refuse = [&](const char* problem) -> InputError {
+    return {fmt::format("address '{}'", endpoint.substr(0, 80)), problem,
             "write tcp://HOST:PORT, an IPv6 address in brackets: tcp://[fd00::1]:PORT"};
   };
   if (!endpoint.starts_with(kTcp)) throw refuse("does not begin with tcp://");

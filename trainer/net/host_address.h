@@ -13,7 +13,7 @@ struct TcpAddress {
   int port = 0;  ///< 0: "*"
   [[nodiscard]] std::string endpoint() const;
 };
-/// Throws InputError if it is none: another scheme, no or a bad port, an empty host, a bare IPv6 address.
+/// Throws InputError for an invalid address: another scheme, no or a bad port, an empty host, a bare IPv6 address.
 TcpAddress parse_tcp(std::string_view endpoint);
 
 /// Whether the text names the loopback interface whatever a name server says: localhost, 127.0.0.0/8, ::1.
@@ -26,7 +26,7 @@ bool is_numeric_address(const std::string& host);
 /// other host to us.
 std::string resolve(const std::string& host, std::chrono::steady_clock::time_point deadline);
 
-/// The address of this machine at which packets to `remote` (numeric) start.  Sends nothing.  Throws InputError if there is no way.
+/// The address of this machine at which packets to `remote` (numeric) start.  Sends nothing.  Throws InputError without a route.
 std::string local_address_towards(const TcpAddress& remote);
 
 /// The address of an interface by its name, of the family of `remote` (numeric; empty: IPv4 before IPv6), or `interface` itself if it is

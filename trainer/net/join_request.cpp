@@ -154,9 +154,9 @@ JoinAnswer ask_for_admission(zmq::context_t& context, const RingConfig& config, 
         answer.public_keys.size() != world_size || answer.incarnations.size() != world_size)
       throw WireError("table of the wrong size");
     const std::uint64_t world = world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1;
-    const std::uint64_t own = std::uint64_t{1} << config.identity.rank;
+    const std::uint64_t own_bit = std::uint64_t{1} << config.identity.rank;
     if (((answer.members | answer.joining) & ~world) != 0 || answer.members == 0 || (answer.members & answer.joining) != 0 ||
-        (answer.joining & own) == 0 || answer.meeting_rank < 0 || answer.meeting_rank >= config.identity.world_size ||
+        (answer.joining & own_bit) == 0 || answer.meeting_rank < 0 || answer.meeting_rank >= config.identity.world_size ||
         (answer.members >> answer.meeting_rank & 1) == 0)
       throw WireError("invalid membership view");
     for (std::size_t rank = 0; rank < world_size; ++rank) {

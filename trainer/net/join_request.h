@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// What the run says to a worker that wants to join, before that prepares its part (Collective::brief).  Throws InputError if it is refused
+/// Briefing for a worker that wants to join, before it prepares its part (Collective::brief).  Throws InputError if it is refused
 /// (the reason is the run's), RunError if no worker answers within config.timeout, or a signal asks this process to end.
 std::string ask_for_briefing(const RingConfig& config);
 

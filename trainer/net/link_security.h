@@ -26,12 +26,12 @@ class LinkSecurity {
   /// Own public key; empty without CURVE.
   [[nodiscard]] const std::string& public_key() const { return keys_.public_key; }
   [[nodiscard]] const std::string& meeting_key() const { return meeting_key_; }
-  /// To be called before the first listener of the context: decides who may connect.  Null without CURVE.
+  /// Call before the first listener of the context: decides which peers may connect.  Null without CURVE.
   [[nodiscard]] std::unique_ptr<CurveGate> open_gate(zmq::context_t& context) const;
   void secure_listener(zmq::socket_t& socket) const;
   /// server_key: public key of the listener.
   void secure_dialer(zmq::socket_t& socket, const std::string& server_key) const;
-  /// What is wrong with a peer that says this public key in this message; empty if nothing.  The gate has seen the peer prove that it has
+  /// The fault of a peer that states this public key in this message; empty if it is allowed.  The gate has seen the peer prove that it has
   /// the secret key.
   [[nodiscard]] std::string objection_to(const std::string& public_key, const zmq::message_t& message) const;
 

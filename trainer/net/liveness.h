@@ -18,7 +18,7 @@ namespace earshot {
 
 inline constexpr std::size_t kMaxReasonBytes = 600;  ///< of a goodbye message
 
-/// The goodbye message in a frame.  Throws RunError where it is none.
+/// The goodbye message in a frame.  Throws RunError for another frame.
 Goodbye decode_goodbye(const PeerFrame& frame);
 
 /// The open collective call of one worker, and whether its peers get on with it: each has sent a message lately, its connection stands or
@@ -67,7 +67,7 @@ class Liveness {
   [[nodiscard]] bool is_bulk_gone() const;
   /// Whether a connection broke whose peer may still say goodbye.
   [[nodiscard]] bool awaits_goodbye() const;
-  /// For how long nothing has come from that peer, since `since` at most.
+  /// Time since the last message of that peer, since `since` at most.
   [[nodiscard]] Clock::duration silence(int rank, Clock::time_point since) const;
   [[nodiscard]] bool is_silent(int rank) const { return silence(rank, call_began_) >= limits_.patience; }
 

@@ -18,7 +18,7 @@ namespace earshot {
 
 /// One member of a run under way listens for workers that want to join.  It answers each at once: refused with the reason (another version,
 /// run id, world size, engine, config, a rank outside the world, endpoints where no worker listens, another key than it has proven), or it
-/// has to wait, and what it has to know before.  Nothing that arrives here disturbs the run: what is no request is dropped, more than 100
+/// has to wait, and what it has to know before.  No message here disturbs the run: invalid requests are dropped, more than 100
 /// refusals in a second go unanswered, and one candidate is kept per rank that is not a member.
 class MeetingPoint {
  public:

@@ -68,7 +68,7 @@ bool has_message(zmq::socket_t& socket) {
 
 std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
   std::vector<zmq::message_t> parts;
-  for (bool more = true; more;) {
+  for (bool has_more = true; has_more;) {
     zmq::message_t part;
     try {
       if (!socket.recv(part, zmq::recv_flags::none)) break;
@@ -77,7 +77,7 @@ std::vector<zmq::message_t> receive_parts(zmq::socket_t& socket) {
       if (parts.empty()) break;
       continue;  // the rest of a message is there already
     }
-    more = part.more();
+    has_more = part.more();
     if (parts.size() < 3) parts.push_back(std::move(part));
   }
   return parts;

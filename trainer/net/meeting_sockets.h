@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What both ends of a meeting point share: that of the start (rendezvous.cpp) and that of a run under way (meeting_point.h).
+/// Shared by both ends of a meeting point: that of the start (rendezvous.cpp) and that of a run under way (meeting_point.h).
 
 /// A socket for control messages between workers that do not know each other yet.
 zmq::socket_t open_meeting_socket(zmq::context_t& context, zmq::socket_type type, const std::string& address);

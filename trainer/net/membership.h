@@ -18,8 +18,8 @@ struct View {
   [[nodiscard]] std::vector<int> ranks() const;
 };
 
-/// How one worker comes to the same next view as the others: each proposes who is to be left, leaves out whom a proposal that it receives
-/// leaves out, and proposes again; the view is decided when all of its members have proposed it.  Proposals only ever lose members, so this
+/// Agreement of the workers on the next view: each proposes the remaining members, removes those that a received proposal leaves out, and
+/// proposes again; the view is decided when all of its members have proposed it.  Proposals only ever lose members, so this
 /// ends.  No sockets: the owner sends proposal() to all of current() and proposal() whenever it has changed.
 ///
 /// Workers join by a proposal that begins with more members than the last view had.  They propose like the others, so that a view with them

@@ -143,16 +143,16 @@ PeerLinks::Origin MembershipDesk::admit_or_notify(PeerSender sender) {
 }
 
 /// A lost peer is the end of the run, or of this view.
-void MembershipDesk::lose(int rank, const std::string& what) {
-  if (!config_.survives_loss()) throw WorldLost(worker_name(rank), what);
-  log_warning(fmt::format("worker {}: {}", rank, what));
+void MembershipDesk::lose(int rank, const std::string& problem) {
+  if (!config_.survives_loss()) throw WorldLost(worker_name(rank), problem);
+  log_warning(fmt::format("worker {}: {}", rank, problem));
   views_->leave_out(rank);
 }
 
 void MembershipDesk::check(const std::vector<int>& awaited) {
   for (const int rank : members_) {
     if (const auto& num_calls = liveness_.finished_after(rank)) {
-      // It has done its part of this call or it never will; what it did send may still be on its way.
+      // It has done its part of this call or never will; its messages may still be in transit.
       if (*num_calls < liveness_.call()) throw liveness_.has_left(rank);
     } else if (liveness_.is_gone(rank)) {
       lose(rank, fmt::format("stopped responding in collective call {}: the process was killed, crashed or hangs", liveness_.call()));

@@ -35,7 +35,7 @@ class AddressBook {
   [[nodiscard]] PeerAddress bulk(int rank) const;
   /// Whether it is of the start that is known here.
   [[nodiscard]] bool is_current(PeerSender sender) const;
-  /// Where to tell a worker, of this start or the last one, that it is no member; at most once a second per rank.
+  /// Address for telling a worker, of this start or the last one, that it is not a member; at most once a second per rank.
   std::optional<PeerAddress> take_notice_address(PeerSender sender);
   /// For workers that join; only the addresses are filled in.  incarnation: which start of its rank this worker is.
   [[nodiscard]] JoinAnswer listing(std::uint32_t incarnation) const;
@@ -48,10 +48,10 @@ class AddressBook {
   };
   WorkerIdentity own_identity_;
   PeerTable table_;
-  std::vector<Entry> entries_;  ///< by rank; the own one stays as it is
+  std::vector<Entry> entries_;  ///< by rank; the own entry does not change
 };
 
-/// Who takes part in a run, as one of its workers knows it: the present view, and the way to the next one when a worker is lost or joins
+/// Members of a run, as one of its workers knows them: the present view, and the way to the next one when a worker is lost or joins
 /// (ViewAgreement).  It keeps the connections for control messages to all that take part or may do so next.
 /// Workers are named by the ranks with which they began; the place of a member is its position among those that are left.
 ///
@@ -61,7 +61,7 @@ class MembershipDesk {
  public:
   /// Thrown where a next view is due.
   struct Disruption {};
-  /// Who has gone and come with a view: none where a connection was broken.
+  /// Workers that left and joined with a view: empty after a broken connection.
   struct Change {
     std::vector<int> lost, joined;
   };
@@ -105,14 +105,14 @@ class MembershipDesk {
 
   void open_agreement();
   [[nodiscard]] bool is_regrouping() const { return is_regrouping_; }
-  /// Leaves out who is lost, and sends the proposal to all that have not had it.  Throws LeftOut if too few are left.
+  /// Removes lost workers, and sends the proposal to all that have not received it.  Throws LeftOut if too few are left.
   void propose();
   /// Whether all members of the proposal have proposed it.  Throws LeftOut in a worker that joins and has been let wait for 10 s.
   [[nodiscard]] bool is_settled();
   /// The view that was decided, without connections to those that it leaves out; its first call is number 0.
   Change adopt();
 
-  /// Who joins, with connections from now on; none of them is a member.  The next proposal begins with them.
+  /// Joining workers, to which connections are opened; none of them is a member.  The next proposal begins with them.
   void expect(const std::vector<Candidate>& candidates);
   /// Makes a next view due, at first with the same members.
   void renew() { views_->renew(); }
@@ -120,7 +120,7 @@ class MembershipDesk {
  private:
   void connect(int rank);
   void set_members(std::vector<int> ranks);
-  void lose(int rank, const std::string& what);
+  void lose(int rank, const std::string& problem);
   void drop_lost_peers();
   void send_proposals();
 
@@ -133,8 +133,8 @@ class MembershipDesk {
   std::vector<int> members_;
   bool is_guest_ = false;  ///< joins, and has not confirmed it
   bool left_out_ = false, is_regrouping_ = false;
-  std::set<int> newcomers_;   ///< who join, and have not been members yet
-  std::set<int> uninformed_;  ///< who have not had the proposal
+  std::set<int> newcomers_;   ///< joining workers that have not been members yet
+  std::set<int> uninformed_;  ///< peers that have not received the proposal
   View sent_;                 ///< the last proposal of this agreement
   Liveness::Clock::time_point agreement_began_;
 };

@@ -38,7 +38,7 @@ zmq::socket_t open_listener(zmq::context_t& context, const LinkSecurity& securit
   return socket;
 }
 
-/// linger: how long messages that have not left hold up the end.
+/// linger: longest time that unsent messages delay the end.
 zmq::socket_t open_dialer(zmq::context_t& context, const std::string& routing_id, milliseconds linger) {
   zmq::socket_t socket(context, zmq::socket_type::dealer);
   socket.set(zmq::sockopt::routing_id, routing_id);
@@ -84,14 +84,14 @@ std::string routing_id_of(std::uint64_t run_key, int rank, std::uint32_t incarna
 }
 
 /// Whose routing id this is; one may end with "." and a number.
-PeerSender sender_of(const std::string& routing_id, std::uint64_t run_key, WorkerIdentity own) {
+PeerSender sender_of(const std::string& routing_id, std::uint64_t run_key, WorkerIdentity identity) {
   const std::string prefix = fmt::format("E{:016x}.", run_key);
   if (!routing_id.starts_with(prefix)) return {};
   const char* const end = routing_id.data() + routing_id.size();
   PeerSender sender;
   const auto [dot, error] = std::from_chars(routing_id.data() + prefix.size(), end, sender.rank);
   if (error != std::errc() || dot == end || *dot != '.') return {};
-  if (sender.rank < 0 || sender.rank >= own.world_size || sender.rank == own.rank) return {};
+  if (sender.rank < 0 || sender.rank >= identity.world_size || sender.rank == identity.rank) return {};
   const auto [rest, no_incarnation] = std::from_chars(dot + 1, end, sender.incarnation, 16);
   if (no_incarnation != std::errc()) return {};
   if (rest == end) return sender;
@@ -109,8 +109,8 @@ struct ReceivedMessage {
 /// The next message of a listener, if one has come.
 std::optional<ReceivedMessage> receive_message(zmq::socket_t& socket) {
   ReceivedMessage message;
-  bool more = true;
-  while (more) {
+  bool has_more = true;
+  while (has_more) {
     zmq::message_t surplus;
     zmq::message_t& part = message.count < message.parts.size() ? message.parts[message.count] : surplus;
     try {
@@ -120,7 +120,7 @@ std::optional<ReceivedMessage> receive_message(zmq::socket_t& socket) {
       throw;
     }
     ++message.count;
-    more = part.more();
+    has_more = part.more();
   }
   return message;
 }

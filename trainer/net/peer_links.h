@@ -51,14 +51,15 @@ struct PeerFrame {
   [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
 };
 
-/// What a call waits for.  Peers are named as by the mesh that is asked: places in a PeerMesh, ranks in a TreeMesh and in PeerLinks.
+/// Condition that a call waits for.  Peers are named as by the mesh that is asked: places in a PeerMesh, ranks in a TreeMesh and in
+/// PeerLinks.
 struct PeerInterest {
   std::vector<int> full_control_queues;  ///< peers whose control queue was full
   bool bulk_queue_full = false, bulk_data = false;
   std::vector<int> awaited;  ///< peers without whose data the call cannot end
 };
 
-/// Who has sent a message, as its routing id says.
+/// Sender of a message, from its routing id.
 struct PeerSender {
   int rank = -1;                  ///< -1: unknown
   std::uint32_t incarnation = 0;  ///< which start of that rank
@@ -100,15 +101,15 @@ class PeerLinks {
   enum class Origin { known, late, unknown };
   enum class SendResult { sent, queue_full, no_connection };
 
-  /// Binds both listeners.  config: validated and resolved; must outlive the object.  linger: how long control messages that have not left
-  /// hold up close().  Throws InputError (keys), RunError (no port is free).
+  /// Binds both listeners.  config: validated and resolved; must outlive the object.  linger: longest time that unsent control messages
+  /// delay close().  Throws InputError (keys), RunError (no port is free).
   PeerLinks(const RingConfig& config, std::chrono::milliseconds linger);
 
   [[nodiscard]] zmq::context_t& context() { return context_; }
   [[nodiscard]] const LinkSecurity& security() const { return security_; }
   /// Where this worker listens.
   [[nodiscard]] const std::string& endpoint(Plane plane) const { return plane == Plane::control ? control_endpoint_ : bulk_endpoint_; }
-  /// What marks routing ids and messages as those of this run.  To be set before the first connection.
+  /// Marks routing ids and messages as those of this run.  To be set before the first connection.
   void set_run_key(std::uint64_t run_key) { run_key_ = run_key; }
 
   /// Replaces the connection to that peer, if there is one, and forgets its kept messages.
@@ -124,7 +125,7 @@ class PeerLinks {
   /// the header are filled in.  The connection must be there.
   bool send(int rank, FrameHeader header, std::span<const std::byte> payload);
   bool send_bulk(FrameHeader header, std::span<const std::byte> payload);
-  /// As send(), where a connection that has gone is no error.
+  /// As send(), but a closed connection is not an error.
   SendResult try_send(int rank, FrameHeader header, std::span<const std::byte> payload);
   /// One message over a connection of its own, which stays for 2 s at most while it is made.
   void send_notice(const PeerAddress& to, FrameHeader header, std::span<const std::byte> payload);
@@ -136,7 +137,7 @@ class PeerLinks {
 
   /// Notes which connections have ended.
   void read_monitors();
-  /// When read_monitors() has seen that the connection broke; none while it stands, or if there is none.
+  /// When read_monitors() has seen that the connection broke; nullopt while it stands, or without a connection.
   [[nodiscard]] std::optional<Clock::time_point> lost_at(int rank) const;
   [[nodiscard]] const std::optional<Clock::time_point>& bulk_lost_at() const { return bulk_lost_at_; }
   /// Peers whose connection broke.

@@ -19,10 +19,10 @@ namespace earshot {
 
 /// Messages between the workers of one run for its collective calls, which all workers make in the same order.  Every worker has a
 /// connection for control messages to every other, and one for bulk messages to its right neighbour.  PeerLinks holds the sockets, Liveness
-/// watches the peers, MembershipDesk knows who takes part, AdmissionDesk lets workers in; this class puts messages in the order of the
+/// watches the peers, MembershipDesk knows the members, AdmissionDesk admits workers; this class puts messages in the order of the
 /// calls and decides when a call ends in an error.
 ///
-/// Where OnLoss::go_on is set a lost peer is a Disruption, after which regroup() finds those that are left.  Peers are named by their place
+/// With OnLoss::go_on a lost peer is a Disruption, after which regroup() finds the remaining ones.  Peers are named by their place
 /// among these, 0 to identity().world_size - 1; messages name workers by the ranks with which they began.
 ///
 /// Threads: all calls come from the one thread that owns the object.
@@ -48,7 +48,7 @@ class PeerMesh {
   /// Workers that want to join, and what this one does until it has joined for good.
   [[nodiscard]] AdmissionDesk& admissions() { return admissions_; }
 
-  /// Whom bulk messages go to and come from: the neighbours by place, unless link_bulk() has said otherwise.
+  /// Receiver and sender of bulk messages: the neighbours by place, unless link_bulk() has said otherwise.
   [[nodiscard]] int right() const { return bulk_right_; }
   [[nodiscard]] int left() const { return bulk_left_; }
   /// Between two calls: makes another ring for bulk messages, until the membership changes.  The own place for both: no part in it.
@@ -71,13 +71,15 @@ class PeerMesh {
   /// Returns when libzmq reads none of the lent payloads any more.
   void finish_sends();
 
-  /// Agrees with the peers on who is left and who joins, and opens the connections among them.  Returns who has gone and come, by ranks at
-  /// the start: none where a connection was broken.  Throws LeftOut: this worker was left out, or too few are left (ViewAgreement).
+  /// Agrees with the peers on the remaining and joining members, and opens the connections among them.  Returns the workers that left and
+  /// joined,
+  /// by ranks at the start: empty after a broken connection.  Throws LeftOut: this worker was left out, or too few are left
+  /// (ViewAgreement).
   Change regroup();
 
   /// Tells the peers that this worker gets on: at most every 5 s, or eight times in the time after which it would count as lost.
   void note_progress();
-  /// Between two calls: how many peers have sent control messages of call number `next`.
+  /// Between two calls: number of peers that have sent control messages of call number `next`.
   int num_waiting(std::uint64_t next);
 
   /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same

@@ -27,7 +27,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
 constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
 constexpr int kOtherFiles = 256;         // of rank 0, beside a connection from each worker
-constexpr int kRefusalsPerSecond = 100;  // what comes above goes unanswered
+constexpr int kRefusalsPerSecond = 100;  // requests above it go unanswered
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
 std::string listening_path(const RingConfig& config, const std::string& traffic) {
@@ -321,7 +321,7 @@ std::string bind_listener(zmq::socket_t& socket, const RingConfig& config, const
   socket.set(zmq::sockopt::ipv6, address.find('[') != std::string::npos);
   const PortRange ports = address.starts_with(kTcp) ? ports_of(config.network) : PortRange{};
   std::string problem;
-  for (int port = ports.first; port <= ports.last; ++port) {  // once, with port 0, where there is no range
+  for (int port = ports.first; port <= ports.last; ++port) {  // once, with port 0, without a range
     TcpAddress place;
     if (ports.first > 0) {
       if (port == parse_tcp(config.rendezvous).port) continue;  // rank 0's to take

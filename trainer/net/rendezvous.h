@@ -11,7 +11,8 @@
 
 namespace earshot {
 
-/// Checks who and where before a socket is opened; asks no name server and opens no key file.  Throws InputError: rank or world size out of
+/// Checks identity and addresses before a socket is opened; asks no name server and opens no key file.  Throws InputError: rank or world
+/// size out of
 /// range, an address that is neither ipc:// in a folder that only its owner may enter nor tcp://, one that other hosts can reach without
 /// keys (unless network.insecure), a path too long for a socket.
 void validate(const RingConfig& config);
@@ -30,7 +31,7 @@ std::string listening_address(const RingConfig& config, const std::string& traff
 /// RunError.
 std::string bind_listener(zmq::socket_t& socket, const RingConfig& config, const std::string& traffic);
 
-/// Who can be reached where, by rank.  With more than kMaxMeshWorkers only the neighbours in the tree, and in the ring the right one, have
+/// Addresses of the workers, by rank.  With more than kMaxMeshWorkers only the neighbours in the tree, and in the ring the right one, have
 /// texts that are not empty (rank 0 has all).
 struct PeerTable {
   std::uint64_t run_key = 0;  ///< fresh per start

@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// What the others do when a worker is lost: end the run, or go on without it.
+/// Reaction to the loss of a worker: end the run, or go on without it.
 enum class OnLoss { stop, go_on };
 
 /// How workers on several hosts reach each other: section `network` of a run config (docs/howto/hosts.md).  Without any key, workers meet
@@ -24,7 +24,7 @@ struct NetworkConfig {
   bool shared_memory = true;   ///< workers of one host add up gradients in memory that they share
   bool insecure = false;       ///< links that leave the host may go without keys
   OnLoss on_loss = OnLoss::stop;
-  int restarts = 0;                 ///< how often `earshot train --workers N` starts a lost worker again, in one run
+  int restarts = 0;                 ///< restarts of lost workers by `earshot train --workers N`, in one run
   double progress_timeout_s = 600;  ///< a worker that others wait for and that gets on in nothing for so long is lost
 };
 
@@ -32,7 +32,7 @@ struct PortRange {
   int first = 0, last = 0;  ///< both 0: any
 };
 
-/// Throws InputError for a port range that is none.
+/// Throws InputError for an invalid port range.
 PortRange ports_of(const NetworkConfig& config);
 
 void read(ConfigReader& reader, NetworkConfig& config);
@@ -45,7 +45,7 @@ inline constexpr int kMaxMeshWorkers = 64, kMaxWorkers = 1024;
 /// one.
 void validate_world(int num_workers, OnLoss on_loss);
 
-/// Who this worker is.
+/// Identity of this worker.
 struct WorkerIdentity {
   int rank = 0, world_size = 1;
 
@@ -63,7 +63,7 @@ class LeftOut : public RunError {
   using RunError::RunError;
 };
 
-/// How the workers of one run find each other and how long they wait for each other.
+/// Rendezvous and timeouts of the workers of one run.
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here
@@ -71,7 +71,7 @@ struct RingConfig {
   std::chrono::milliseconds timeout{60000};  ///< of one collective call in which no peer makes progress
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
   NetworkConfig network = {};                ///< where to listen, and the keys of links that leave the host
-  /// What a worker that joins must have in common with the run: its program, and lines KEY=VALUE.
+  /// Properties that a joining worker must share with the run: its program, and lines KEY=VALUE.
   std::string engine = {}, settings = {};
   std::uint32_t incarnation = 0;  ///< 0: one of the first world; else names one start of a worker that joins
 

@@ -35,9 +35,9 @@ std::optional<std::uint16_t> SocketMonitor::next() {
   zmq::message_t event;
   try {
     if (!reader_.recv(event, zmq::recv_flags::dontwait)) return std::nullopt;
-    for (bool more = event.more(); more;) {  // the address, which came with it
+    for (bool has_more = event.more(); has_more;) {  // the address, which came with it
       zmq::message_t rest;
-      more = reader_.recv(rest, zmq::recv_flags::dontwait) && rest.more();
+      has_more = reader_.recv(rest, zmq::recv_flags::dontwait) && rest.more();
     }
   } catch (const zmq::error_t& error) {
     if (error.num() != EINTR) throw;

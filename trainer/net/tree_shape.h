@@ -8,8 +8,8 @@
 
 namespace earshot {
 
-/// A tree over ranks in which every subtree is an interval of ranks that begins with its root: what a worker gathers from its children, its
-/// own part first, is in rank order already.
+/// A tree over ranks in which every subtree is an interval of ranks that begins with its root: parts gathered from the children, after a
+/// worker's own part, are already in rank order.
 inline constexpr int kTreeChildren = 8;  ///< at most
 
 struct TreeNode {

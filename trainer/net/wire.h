@@ -15,14 +15,14 @@
 
 namespace earshot {
 
-/// A message that cannot be what it should be: too large, truncated, of another type or version.  Never leaves trainer/: what it means (an
-/// unknown peer, a peer of another build) is decided where the message came in.
+/// An invalid message: too large, truncated, of another type or version.  Never leaves trainer/: the receiver decides whether the sender is
+/// an unknown peer or a peer of another build.
 class WireError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The error of a worker whose message cannot be what it should be.
+/// The error for an invalid message of a worker.
 [[nodiscard]] RunError protocol_breach(int rank, const WireError& error);
 
 inline constexpr std::uint16_t kWireVersion = 6;
@@ -71,7 +71,7 @@ struct ViewMessage {
   MSGPACK_DEFINE(version, epoch, members)
 };
 
-/// A worker asks whoever listens at the meeting point to take part in a run that is under way.  The second field is a number where Hello
+/// A worker's request to the listener of the meeting point to join a run under way.  The second field is a number where Hello
 /// has a text: neither is taken for the other.
 struct JoinRequest {
   static constexpr std::size_t kFields = 11;
@@ -106,8 +106,8 @@ struct CandidateList {
 
 enum class JoinState : std::uint8_t { refused, waits, admitted };
 
-/// The answer to a JoinRequest.  The fields after briefing are those of an admission: the view that the members are about to leave, who
-/// joins, and where each can be reached.
+/// The answer to a JoinRequest.  The fields after briefing are those of an admission: the view that the members are about to leave, the
+/// joining workers, and the address of each.
 struct JoinAnswer {
   static constexpr std::size_t kFields = 14;
   std::uint16_t version = kWireVersion;
@@ -118,7 +118,7 @@ struct JoinAnswer {
   std::uint64_t run_key = 0;
   std::uint32_t epoch = 0;
   std::uint64_t members = 0, joining = 0;  ///< bit r: rank r
-  std::int32_t meeting_rank = 0;           ///< who listens at the meeting point
+  std::int32_t meeting_rank = 0;           ///< rank that listens at the meeting point
   std::vector<std::string> control_endpoints, bulk_endpoints, public_keys;
   std::vector<std::uint32_t> incarnations;
   MSGPACK_DEFINE(version, kind, state, reason, briefing, run_key, epoch, members, joining, meeting_rank, control_endpoints, bulk_endpoints,
@@ -159,7 +159,7 @@ T decode(std::string_view bytes, std::size_t max_bytes = kMaxControlBytes) {
   }
 }
 
-/// What a data message belongs to.
+/// Call and chunk of a data message.
 enum class Operation : std::uint8_t {
   all_reduce_float,
   all_reduce_double,

@@ -23,8 +23,8 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env);
 ///
 /// One env's NaN must neither stay in its hidden state (0 * NaN is NaN: not even the next episode would be rid of it) nor reach the learner
 /// through the sequence.  So every row is checked: an observation row that is not finite is zeroed, and a hidden state that is not finite
-/// begins anew, as at the start of an episode.  Such rows are marked in sanitized() and counted.  What is still not finite then comes from
-/// the weights, and sample_actions refuses it with the env's id.
+/// begins anew, as at the start of an episode.  Such rows are marked in sanitized() and counted.  Remaining non-finite values come from the
+/// weights; sample_actions refuses them with the env's id.
 class Actor {
  public:
   /// Of rows [first_row, first_row + num_rows) of a batch: the others are not read.
@@ -34,9 +34,10 @@ class Actor {
   const PolicyOutput& observe(const BatchedEnv& env);
   /// The same for observations from elsewhere; they must live until advance().
   const PolicyOutput& observe(const ObservationTensors& observations);
-  /// What observe() gave to the policy: views of the env's rows, or copies where rows were sanitized.  Valid until the env's next step.
+  /// Observations that observe() passed to the policy: views of the env's rows, or copies where rows were sanitized.  Valid until the env's
+  /// next step.
   [[nodiscard]] const ObservationTensors& seen() const { return seen_; }
-  /// [num_rows] 1 where the last observe() sanitized the row: what the policy did there is no experience.
+  /// [num_rows] 1 where the last observe() sanitized the row: do not train on it.
   [[nodiscard]] std::span<const std::uint8_t> sanitized() const { return sanitized_; }
   /// Since construction.
   [[nodiscard]] std::uint64_t sanitized_rows() const { return sanitized_rows_; }

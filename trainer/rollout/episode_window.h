@@ -27,10 +27,10 @@ class EpisodeWindow {
   void push(const EpisodeSums& sums);
   [[nodiscard]] EpisodeSums total() const;
 
-  /// All sums in order, [pushes, num_fields]: what restore() takes.
+  /// All sums in order, [pushes, num_fields], for restore().
   [[nodiscard]] std::vector<double> state() const;
   /// num_fields: numbers in each sum of the state; sums of an older program have fewer, and count 0 for what it did not sum.  Throws
-  /// InputError if the values are no such state.
+  /// InputError for invalid values.
   void restore(std::span<const double> state, int num_fields = EpisodeSums::num_fields);
 
  private:

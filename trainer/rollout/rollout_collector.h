@@ -18,7 +18,7 @@
 
 namespace earshot {
 
-/// Fills the rollouts of one worker: the policy acts, the batch steps, what came of it is noted.
+/// Fills the rollouts of one worker: the policy acts, the batch steps, the outcome is recorded.
 ///
 /// With RolloutConfig::overlap the batch is stepped in two halves, each of which has its step in the background while the policy looks at
 /// the other one: thread of the policy and threads of the batch work at the same time.  The halves are handed back in the order in which

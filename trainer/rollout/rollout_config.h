@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What a rollout collector does: part of a run config (rollout_config(RunConfig)), which has validated it.
+/// Settings of a rollout collector: part of a run config (rollout_config(RunConfig)), which has validated it.
 struct RolloutConfig {
   std::uint64_t seed = 0;  ///< of sampled actions and of the episodes in which the oracle acts
   int rollout_steps = 150;

@@ -10,8 +10,8 @@ namespace {
 
 double fraction(double part, double whole) { return whole > 0 ? part / whole : 0; }
 
-void mention(std::string& text, double count, const char* one, const char* many) {
-  if (count > 0) text += fmt::format("{}{:.0f} {}", text.empty() ? "" : ", ", count, count == 1 ? one : many);
+void mention(std::string& text, double count, const char* singular, const char* plural) {
+  if (count > 0) text += fmt::format("{}{:.0f} {}", text.empty() ? "" : ", ", count, count == 1 ? singular : plural);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace earshot {
 class BatchedEnv;
 class SceneCache;
 
-/// What happened in the environments and on the way to the learner, since the worker began; in double, so that all workers' counts add up
+/// Counters of the environments and the rollout since the worker began; in double, so that all workers' counts add up
 /// by all-reduce (exact up to 2^53).
 struct RunCounters {
   enum Field {
@@ -23,7 +23,7 @@ struct RunCounters {
     without_early,
     without_late,
     from_field,  ///< of these, with late sound gathered from a source field
-    cached,      ///< steps of agents who stayed where they were: the cached response was used
+    cached,      ///< steps of agents that did not move: the cached response was used
     fields_built,
     fields_loaded,  ///< from env.field_store
     fields_shared,  ///< asked for while they were in memory
@@ -46,7 +46,7 @@ struct RunCounters {
   [[nodiscard]] double operator[](Field field) const { return values[field]; }
 };
 
-/// What became of the optimizer's steps and the run's files; the same on every worker, but for the files, which are rank 0's.
+/// Counters of optimizer steps and of the run's files; the same on every worker, but for the files, which are rank 0's.
 struct GuardCounts {
   std::uint64_t taken_steps = 0, skipped_steps = 0, loss_alarms = 0, kl_alarms = 0;
   std::uint64_t failed_writes = 0;   ///< curve points and periodic checkpoints that could not be written
@@ -59,7 +59,7 @@ void append_curve_values(std::vector<std::pair<std::string, double>>& values, co
                          const GuardCounts& guards);
 /// "2 episodes quarantined, 1 step skipped"; empty if nothing happened.
 std::string fault_summary(const RunCounters& counters, const GuardCounts& guards);
-/// Three lines: what was heard, which fields, which guards.
+/// Three lines: hearing, fields, guards.
 std::string summary(const RunCounters& counters, const GuardCounts& guards);
 
 }  // namespace earshot

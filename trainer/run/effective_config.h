@@ -27,7 +27,8 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 /// guidance depends on them.
 bool is_free_to_change(std::string_view key, const RunConfig& now);
 
-/// Lines KEY=VALUE of what all workers of one run must have in common: every key but those that say where files lie, how a worker reaches
+/// Lines KEY=VALUE of the settings that all workers of one run must share: every key but those that say where files lie, how a worker
+/// reaches
 /// the others and on how many threads it runs; the contents of the training set by their hash.  Throws InputError if that cannot be read.
 std::string common_settings(const RunConfig& config);
 

@@ -59,11 +59,11 @@ void check_generator(const EpisodeSet& set, const std::map<std::string, std::str
   if (set.generator.empty()) throw InputError(file, "does not contain the keys that its episodes were made from", remedy);
   const auto changes = config_changes(set.generator, expected);
   if (changes.empty()) return;
-  const std::string more = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
-  throw InputError(
-      file,
-      fmt::format("was made with {} = {}, but the config has {}{}", changes.front().key, changes.front().before, changes.front().now, more),
-      remedy);
+  const std::string other_changes = changes.size() > 1 ? fmt::format(" ({} more keys differ)", changes.size() - 1) : "";
+  throw InputError(file,
+                   fmt::format("was made with {} = {}, but the config has {}{}", changes.front().key, changes.front().before,
+                               changes.front().now, other_changes),
+                   remedy);
 }
 
 }  // namespace earshot

@@ -12,7 +12,7 @@ namespace earshot {
 /// Generates the episodes of `data`, writes its file with the keys they were made from, and reports progress.  Returns the set.
 EpisodeSet generate_data(const DataConfig& data, const EnvConfig& env);
 
-/// What a generated set depends on: the version of the generator, the keys of the data section but `file`, and those of the environment
+/// Inputs of a generated set: the version of the generator, the keys of the data section but `file`, and those of the environment
 /// that decide where agents can stand and how far they walk.  Names as in a run config, the data section's as "data.KEY".
 std::map<std::string, std::string> generator_keys(const DataConfig& data, const EnvConfig& env);
 

@@ -9,7 +9,8 @@
 
 namespace earshot {
 
-/// What env.accuracy comes to for the episodes of data.train.file, kept as a small YAML file in the folder of the run, so that workers,
+/// Acoustic settings that meet env.accuracy for the episodes of data.train.file, kept as a small YAML file in the folder of the run, so
+/// that workers,
 /// evaluations and resumed runs hear the same.  The file's name holds a hash of target, episodes, the rest of env.acoustics, task and
 /// navmesh, so that another config never reads it; a scene file that has changed under the same name is not noticed.
 

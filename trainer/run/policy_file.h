@@ -12,7 +12,8 @@ namespace earshot {
 /// that little.
 enum class WeightStorage { float32, float16 };
 
-/// What acting and fine-tuning need of a checkpoint: weights, configuration and origin, without the state of the training.  Throws
+/// The parts of a checkpoint that acting and fine-tuning need: weights, configuration and origin, without the state of the training.
+/// Throws
 /// InputError naming the weights that float16 (largest number 65,504) cannot hold.
 Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage);
 

@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What a run takes of one machine at the least: what is allocated in any case, without scenes, sound and what the network works with.
+/// Lower limit of a run's memory on one machine: fixed allocations, without scenes, sound and activations of the network.
 struct ResourceNeed {
   int processes = 1;
   double program_bytes = 0, environment_bytes = 0, rollout_bytes = 0, learner_bytes = 0;  ///< of one worker

@@ -18,7 +18,7 @@ namespace earshot {
 /// How far a training is: by steps alone, which gives the same bits on every machine, or by whatever of total_steps and max_minutes (over
 /// all sittings) comes first.
 enum class Schedule { steps, minutes };
-/// What an evaluated policy does: an action drawn from its distribution, or the likeliest.
+/// Action selection of an evaluated policy: drawn from its distribution, or the likeliest.
 enum class ActionChoice { sample, argmax };
 
 /// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, network, data (train, eval); the other keys are
@@ -36,10 +36,10 @@ struct RunConfig {
   int checkpoint_every = 50;            ///< updates
   int keep = 3;                         ///< periodic checkpoints that stay, beside the best and the last
   std::string metrics_file = {};        ///< text file for Prometheus that each update replaces (metrics_file.h); empty: none
-  int eval_envs = 8;                    ///< batch of the evaluation: fixed, as it is part of the bits
+  int eval_envs = 8;                    ///< batch of the evaluation: fixed, because the results depend on it
   /// Policy file, checkpoint or run folder whose weights a new run starts from; empty: weights of policy.seed.
   std::string initial_policy = {};
-  Schedule schedule = Schedule::steps;  ///< what ends decays and guidance
+  Schedule schedule = Schedule::steps;  ///< progress at which decays and guidance end
   ActionChoice eval_actions = ActionChoice::sample;
   EnvConfig env;
   PolicyConfig policy;
@@ -49,14 +49,14 @@ struct RunConfig {
   DataConfig train = training_data(), eval;
 };
 
-/// What the environments of a training show: the sensors of the config, and the privileged ones that its losses read.
+/// Sensors of the environments of a training: the sensors of the config, and the privileged ones that its losses read.
 ObservationSpec training_sensors(const RunConfig& config);
-/// What the collector of each worker reads of the config.
+/// Settings of the config for the collector of each worker.
 RolloutConfig rollout_config(const RunConfig& config);
 
 /// Reads the keys above over `config`, each by itself: load_run_config checks them together.  Throws InputError.
 void read(ConfigReader& reader, RunConfig& config);
-/// Reads and validates a run config.  Throws InputError: what, where, what to do.
+/// Reads and validates a run config.  Throws InputError naming the problem, the place and the remedy.
 RunConfig load_run_config(const std::filesystem::path& path, const std::vector<std::string>& overrides);
 RunConfig parse_run_config(std::string_view yaml, const std::string& where, const std::vector<std::string>& overrides);
 /// Every key of a run with its value as YAML, defaults included: read again it gives the same run, whatever the defaults are by then.

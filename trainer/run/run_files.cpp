@@ -33,9 +33,9 @@ std::uint64_t failures_of(const Write& write) {
 
 /// Whether room is what a write lacks: on the disk, or in the user's quota.
 bool is_full_disk(const RunError& error) {
-  const std::string_view what = error.what();
+  const std::string_view message = error.what();
   for (const int code : {ENOSPC, EDQUOT})
-    if (what.find(std::generic_category().message(code)) != std::string_view::npos) return true;
+    if (message.find(std::generic_category().message(code)) != std::string_view::npos) return true;
   return false;
 }
 

@@ -20,8 +20,8 @@ struct DiskPatience {
   std::chrono::milliseconds look{1000};    ///< between two tries
 };
 
-/// What the worker of rank 0 writes of a run: curves, metrics and checkpoints.  A full disk must not end a run that may find space again:
-/// what cannot be written is logged, and the calls return how many writes failed.
+/// Files that the worker of rank 0 writes: curves, metrics and checkpoints.  A full disk must not end a run that may find space again:
+/// a failed write is logged, and the calls return the number of failed writes.
 ///
 /// Where a checkpoint finds the disk full, the oldest periodic ones go, one by one, until it has room; the newest that is whole stays in
 /// any case.
@@ -30,7 +30,7 @@ class RunFiles {
   using Write = std::function<void(const Checkpoint& checkpoint, const std::filesystem::path& file)>;
 
   /// Removes what an earlier run has left half-written.  update: of the checkpoint or the state that the run goes on from, 0 for a new run.
-  /// write: what puts a checkpoint on the disk, for tests.
+  /// write: function that writes a checkpoint, for tests.
   RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience = {}, Write write = save_checkpoint);
 
   [[nodiscard]] std::uint64_t write_point(const CurvePoint& point);
@@ -50,7 +50,7 @@ class RunFiles {
   /// Throws RunError.
   void write_making_room(const std::filesystem::path& file, const Checkpoint& checkpoint);
   void write_last(const std::filesystem::path& file, const Checkpoint& checkpoint, const std::function<void()>& waits);
-  /// What follows a checkpoint, whole or not.
+  /// Work after a checkpoint, complete or not.
   std::uint64_t write_beside(const std::filesystem::path& file, const Checkpoint& checkpoint, bool is_whole, bool is_last);
 
   const RunConfig& config_;

@@ -16,7 +16,7 @@ struct RunPosition {
   double elapsed_s = 0, elapsed_before_s = 0;  ///< of this sitting, and of those before
 };
 
-/// How far a run is, how long it has taken, and when it ends.  A sitting is the time from one start or resume of the run to its end.
+/// Progress of a run, its elapsed time and its end.  A sitting is the time from one start or resume of the run to its end.
 ///
 /// Every worker holds the same update and env_steps; elapsed times are of each worker's own clock, and agree_on_end() makes rank 0's hold
 /// for all.  The order in one update: note_rollout(), then complete_update() after the optimizer steps; go_back() undoes complete_update().

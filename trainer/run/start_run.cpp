@@ -56,16 +56,18 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
   const auto declared = [&](const std::string& key) {
     return std::ranges::any_of(start.changes, [&](const std::string& name) { return covers(name, key); });
   };
-  std::string keys, what;
-  int others = -1;
+  std::string keys, problem;
+  int num_other_keys = -1;
   for (const auto& change : config_changes(before, now)) {
     if (is_free_to_change(change.key, config) || declared(change.key)) continue;
-    if (what.empty()) what = fmt::format("was trained with {} = {}, but the resumed run has {}", change.key, change.before, change.now);
+    if (problem.empty())
+      problem = fmt::format("was trained with {} = {}, but the resumed run has {}", change.key, change.before, change.now);
     keys += (keys.empty() ? "" : ",") + change.key;
-    ++others;
+    ++num_other_keys;
   }
-  if (others > 0) what += fmt::format(" ({} more keys differ)", others);
-  if (!what.empty()) throw InputError(start.resume.string(), what, "restore the old values, or allow the change with --change " + keys);
+  if (num_other_keys > 0) problem += fmt::format(" ({} more keys differ)", num_other_keys);
+  if (!problem.empty())
+    throw InputError(start.resume.string(), problem, "restore the old values, or allow the change with --change " + keys);
   if (saved.engine != engine_hash() && !declared(kEngine))
     throw InputError(start.resume.string(),
                      fmt::format("was written by engine {} (commit {}), but this is engine {} (commit {})", saved.engine,

@@ -6,7 +6,8 @@
 
 namespace earshot {
 
-/// What decides the bits of a program's numbers beside its sources, by name: "compiler" ("g++12"), "c_library" ("glibc 2.36"), "processor"
+/// Parts of the toolchain that decide the bits of a program's results, by name: "compiler" ("g++12"), "c_library" ("glibc 2.36"),
+/// "processor"
 /// (compiled for: "x86-64-v3"), "embree" (version and instruction set: "3.13.5 avx2"), "libtorch" (version and instruction set), "onednn"
 /// (instruction set), "blas" (version and kernels: "OpenBLAS 0.3.21 Haswell").
 using Toolchain = std::map<std::string, std::string>;

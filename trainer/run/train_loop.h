@@ -12,7 +12,7 @@
 
 namespace earshot {
 
-/// What a finished run reports.
+/// Report of a finished run.
 struct TrainReport {
   std::uint64_t updates = 0, env_steps = 0;
   double wall_s = 0, steps_per_s = 0;  ///< of this sitting of the run, also where this worker joined later
@@ -22,7 +22,7 @@ struct TrainReport {
   GuardCounts guards;
 };
 
-/// What a test may put into a run.
+/// Hooks for tests.
 struct TrainHooks {
   StageHook stage_hook;  ///< see BatchedEnv::set_stage_hook
 };
@@ -31,7 +31,7 @@ struct TrainHooks {
 /// curves (events.jsonl, TensorBoard) and checkpoints under config.out and shows progress.  SIGTERM, SIGINT, SIGHUP and SIGUSR1 end the run
 /// after the current update with a checkpoint.  start: see prepare_run; a resumed run gives the bits of the unbroken one.
 ///
-/// What goes wrong in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
+/// A fault in one episode, one observation or one gradient is left out, counted and reported, and the run goes on
 /// (docs/evidence/stability.md); so it does when a curve point or a periodic checkpoint cannot be written, and, where the collective
 /// survives it, when a worker is lost: the others go back to the last update that all of them have completed, make the one under way again
 /// with what they have collected, and go on; the lowest of them writes the files.  A collective that is_joining() comes to a run under way:

@@ -154,7 +154,7 @@ void TrainWorker::update() {
   report(stats, update_s, steps);
   if (is_sound) roll_backs_ = 0;
   keep_whole_update(keeps_environments());
-  // The first one soon: what is wrong with the disk shows before there is much to lose.
+  // The first checkpoint comes early, so that faults of the disk appear before much work is lost.
   const bool is_due = progress_.update() == 1 || progress_.update() % static_cast<std::uint64_t>(config_.checkpoint_every) == 0;
   if (is_due)
     save(false);
@@ -233,20 +233,20 @@ void TrainWorker::save(bool is_last) {
 bool TrainWorker::rolls_back() {
   const auto fault = fault_of_weights(policy_);
   if (!fault) return false;
-  std::string what = fmt::format("update {}: the weights have gone bad: {}; the likeliest reason is {}", progress_.update() + 1, *fault,
-                                 suspect_key(config_));
+  std::string message = fmt::format("update {}: the weights have gone bad: {}; the likeliest reason is {}", progress_.update() + 1, *fault,
+                                    suspect_key(config_));
   if (whole_) load_learner_state(policy_, learner_.optimizer(), *whole_, "the update before");
   if (whole_ && roll_backs_ < config_.ppo.roll_backs) {
     ++roll_backs_;
-    if (rank() == 0) log_warning(fmt::format("{}; the run goes on from those of update {}", what, whole_->update));
+    if (rank() == 0) log_warning(fmt::format("{}; the run goes on from those of update {}", message, whole_->update));
     return true;
   }
   if (whole_ && !whole_->env_states.empty()) {
     if (rank() == 0) report_.save(*whole_, true);
-    what += fmt::format("; last.ckpt holds update {}, the last good one", whole_->update);
+    message += fmt::format("; last.ckpt holds update {}, the last good one", whole_->update);
   }
   collective_.barrier();  // who throws stops the others: not before the checkpoint is written
-  throw RunError("training", what);
+  throw RunError("training", message);
 }
 
 void TrainWorker::salvage() noexcept {

@@ -22,7 +22,7 @@
 
 namespace earshot {
 
-/// What a worker begins with: a new run, a checkpoint, or a run under way that it joins.
+/// Start of a worker: a new run, a checkpoint, or a run under way that it joins.
 struct WorkerStart {
   std::optional<Checkpoint> resumed;
   JoinBriefing briefing;  ///< of a worker that joins

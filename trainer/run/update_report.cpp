@@ -147,7 +147,7 @@ void UpdateReport::describe_state(Checkpoint& checkpoint) const {
   checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
 }
 
-/// What is the same in all checkpoints of a run.
+/// Fields that are equal in all checkpoints of a run.
 void UpdateReport::complete(Checkpoint& checkpoint) const {
   checkpoint.config_yaml = config_text(config_);
   checkpoint.seed = config_.seed;

@@ -19,7 +19,7 @@
 
 namespace earshot {
 
-/// What one worker adds to the report of an update.
+/// One worker's part of the report of an update.
 struct WorkerSums {
   EpisodeSums episodes;  ///< that ended since the last report
   StageTimes times;      ///< since the last report

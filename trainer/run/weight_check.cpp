@@ -36,7 +36,7 @@ std::string suspect_key(const RunConfig& config) {
   std::string key = "ppo.learning_rate";
   double furthest = 1;  // power of ten
   for (const auto& [name, text] : now) {
-    // An alarm changes nothing, and a number of passes is no rate.
+    // SIGALRM changes nothing, and a number of passes is not a rate.
     if ((!name.starts_with("ppo.") && !name.starts_with("guidance.")) || name.ends_with("_alarm") || name.starts_with("ppo.preempt"))
       continue;
     const auto before = usual.find(name);

@@ -12,7 +12,7 @@ namespace earshot {
 /// Parameters of a trained network stay below a hundred; beyond this much nothing is left of what they had learned.
 inline constexpr double kMaxOfAWeight = 1e3;
 
-/// What is wrong with the weights: one that is not finite, or larger than kMaxOfAWeight; nullopt: nothing.  The same on all workers, as
+/// Fault of the weights: one that is not finite, or larger than kMaxOfAWeight; nullopt: no fault.  The same on all workers, as
 /// their weights are.
 std::optional<std::string> fault_of_weights(const ActorCritic& policy);
 
