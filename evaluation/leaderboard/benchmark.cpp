@@ -29,8 +29,8 @@ constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
 /// The sounds of the test set that must be new: those of heard_sounds are taken out, once they are known to be of both.
 std::vector<std::string> new_sounds(const Benchmark& benchmark, const std::vector<std::string>& trained, std::vector<std::string> tested) {
   for (const std::string& heard : expand_sounds(benchmark.heard_sounds)) {
-    const bool both = std::ranges::count(trained, heard) > 0 && std::ranges::count(tested, heard) > 0;
-    if (!both)
+    const bool is_in_both = std::ranges::count(trained, heard) > 0 && std::ranges::count(tested, heard) > 0;
+    if (!is_in_both)
       throw InputError(benchmark.name,
                        fmt::format("lists '{}' in benchmark.heard_sounds, but training and test sets do not both contain it", heard),
                        "remove it from this list");
@@ -66,7 +66,7 @@ RunConfig overridden(const RunConfig& run, const std::vector<std::string>& keys,
   return changed;
 }
 
-/// What an evaluation would choose by itself cannot be the same everywhere.
+/// Automatic choices of an evaluation would differ between machines.
 void refuse_undecided(const Benchmark& benchmark, const std::string& where) {
   if (!benchmark.run.env.accuracy.empty())
     throw InputError(where, "has env.accuracy, which each machine plans by itself", "write the acoustics that it comes to (earshot plan)");

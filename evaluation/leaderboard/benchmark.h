@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// A task that agents are ranked on: a run config (rules in env, the test set in data.eval, what may be trained on in data.train) with a
+/// A task that agents are ranked on: a run config (rules in env, the test set in data.eval, the training data in data.train) with a
 /// section `benchmark` that fixes it.
 struct Benchmark {
   std::string name;
@@ -22,9 +22,9 @@ struct Benchmark {
   std::string rules_hash;   ///< of what metrics depend on (metric_rules), as hex64
   std::string senses_hash;  ///< of what agents sense by (sensed_config) and of the tracks, as hex64
   std::uint64_t seed = 0;   ///< of sampled actions (`eval --seed`)
-  /// Sounds of the test set that the training may have as well, so that what is new to the ears can be told from what is not.
+  /// Sounds of the test set that may occur in training too, so that results on known and on new sounds can be compared.
   std::vector<std::string> heard_sounds = {};
-  /// Kinds of sound (sound_kind) of the test set of which the training has none.
+  /// Kinds of sound (sound_kind) of the test set that do not occur in training.
   std::vector<std::string> held_out_kinds = {};
   std::vector<Track> tracks = default_tracks();
   std::string content_sha256 = {};  ///< of the files of scenes and sounds that the test set names (digest_of_content); empty: it names none

@@ -35,18 +35,18 @@ ObservationSpec with_sensors_of(ObservationSpec spec, const ObservationSpec& rea
   spec.topdown_map = read.topdown_map;
   spec.oracle_action = read.oracle_action;
   spec.goal_state = read.goal_state;
-  // What has no effect without a sensor is refused where it is set.
+  // A setting that has no effect without a sensor is refused.
   if (!spec.spectrogram) spec.legacy_spectrogram = false;
   if (!spec.gps_compass && !spec.pose) spec.pose_noise = {};
   if (!spec.topdown_map) spec.map = {};
   if (!spec.rgb) spec.unlit = false;
   for (ExtraCamera& camera : spec.cameras) {
-    const auto own = std::ranges::find(read.cameras, camera.name, &ExtraCamera::name);
-    const bool has = own != read.cameras.end();
-    camera.depth = has && own->depth;
-    camera.rgb = has && own->rgb;
-    camera.semantic = has && own->semantic;
-    camera.normals = has && own->normals;
+    const auto existing = std::ranges::find(read.cameras, camera.name, &ExtraCamera::name);
+    const bool has = existing != read.cameras.end();
+    camera.depth = has && existing->depth;
+    camera.rgb = has && existing->rgb;
+    camera.semantic = has && existing->semantic;
+    camera.normals = has && existing->normals;
     if (!camera.rgb) camera.config.unlit = false;
   }
   std::erase_if(spec.cameras, [](const ExtraCamera& camera) { return !(camera.depth || camera.rgb || camera.semantic || camera.normals); });

@@ -31,7 +31,7 @@ const std::vector<BoardColumn>& board_columns();
 /// How the intervals were made, in words.
 std::string interval_kind(const std::vector<EvaluationResult>& results);
 bool any_verified(const std::vector<EvaluationResult>& results);
-/// What makes the rows hard to compare, or empty.
+/// Differences that make the rows hard to compare, or empty.
 std::vector<std::string> board_notes(const std::vector<EvaluationResult>& results);
 
 }  // namespace earshot

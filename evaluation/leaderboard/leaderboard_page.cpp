@@ -73,7 +73,7 @@ std::string standing_cells(const EvaluationResult& row) {
 std::string main_table(const std::vector<EvaluationResult>& rows, const BoardPage& page) {
   const bool verified = any_verified(rows);
   const bool silence = std::ranges::any_of(rows, [](const auto& row) { return row.success_when_silent().mean > 0; });
-  // What agents are ranked by, where it comes from and what it looks like stand first: in narrow windows the rest has to be scrolled to.
+  // The ranking metric, its source and its plot come first: in narrow windows the rest has to be scrolled to.
   constexpr std::size_t kRankedBy = 2;  // success and SPL
   const std::vector<BoardColumn>& columns = board_columns();
   std::vector<std::string> heads{"rank", "agent"};
@@ -143,17 +143,17 @@ constexpr Breakdown kBreakdowns[] = {{GroupBy::novelty, "sound", "By novelty of 
                                      {GroupBy::scene, "scene", "By scene"}};
 
 /// Success and SPL of every agent by group; nothing where a result does not say, or all episodes are of one group.
-std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown& what) {
-  if (!std::ranges::all_of(rows, [&](const auto& row) { return can_group(row, what.by); })) return {};
+std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown& grouping) {
+  if (!std::ranges::all_of(rows, [&](const auto& row) { return can_group(row, grouping.by); })) return {};
   std::vector<std::vector<std::pair<std::string, EvaluationResult>>> of_agents;
   std::vector<std::string> names;
   for (const EvaluationResult& row : rows) {
-    of_agents.push_back(groups_of(row, what.by));
+    of_agents.push_back(groups_of(row, grouping.by));
     for (const auto& [name, group] : of_agents.back())
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
   }
   if (names.size() < 2) return {};
-  std::vector<std::string> heads{what.name, "episodes"};
+  std::vector<std::string> heads{grouping.name, "episodes"};
   for (const EvaluationResult& row : rows) heads.push_back(escape_markup(row.agent));
   const auto metric_table = [&](const std::string& metric, auto get) {
     std::string body;
@@ -172,13 +172,13 @@ std::string breakdown(const std::vector<EvaluationResult>& rows, const Breakdown
       }
       body += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td>{}</tr>\n", escape_markup(name), episodes, cells);
     }
-    return table(fmt::format("{}, {}: mean and 95 % interval", what.title, metric), heads, body);
+    return table(fmt::format("{}, {}: mean and 95 % interval", grouping.title, metric), heads, body);
   };
   const std::string tables = metric_table("success", [](const EvaluationResult& group) { return group.success(); }) +
                              metric_table("SPL", [](const EvaluationResult& group) { return group.spl(); });
   const bool is_long = names.size() > 12;
-  return is_long ? fmt::format("<details><summary>{}: {} of them</summary>\n{}</details>\n", what.title, names.size(), tables)
-                 : fmt::format("<h2>{}</h2>\n{}", what.title, tables);
+  return is_long ? fmt::format("<details><summary>{}: {} of them</summary>\n{}</details>\n", grouping.title, names.size(), tables)
+                 : fmt::format("<h2>{}</h2>\n{}", grouping.title, tables);
 }
 
 }  // namespace
@@ -199,7 +199,7 @@ std::string leaderboard_page(const std::vector<EvaluationResult>& results, const
   html += "</header>\n<main>\n" + main_table(rows, page);
   for (const std::string& note : board_notes(rows)) html += "<p><strong>Note:</strong> " + escape_markup(note) + "</p>\n";
   if (!page.private_scores.empty()) html += private_table(page);
-  for (const Breakdown& what : kBreakdowns) html += breakdown(rows, what);
+  for (const Breakdown& grouping : kBreakdowns) html += breakdown(rows, grouping);
   return html + "</main>\n</body>\n</html>\n";
 }
 

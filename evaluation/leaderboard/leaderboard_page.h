@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// What a page of results says beside them.
+/// Texts of a result page besides the results.
 struct BoardPage {
   std::string benchmark = {};  ///< name and version; empty: none
   /// Address and text of pages that belong to it.

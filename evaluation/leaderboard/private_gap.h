@@ -12,7 +12,7 @@ namespace earshot {
 /// distances of the four limits add up as variances do (MOVER, Zou and Donner 2008, Statistics in Medicine 27, eq. 2).
 Estimate independent_difference(const Estimate& first, const Estimate& second);
 
-/// What a policy does on the public set and on the private one.
+/// Results of a policy on the public set and on the private one.
 struct PrivateScore {
   std::string agent;
   Estimate public_success, private_success, public_spl, private_spl;

@@ -75,8 +75,8 @@ std::vector<std::string> scenes_of(const EpisodeSet& set) {
 }
 
 template <class Add>
-std::vector<std::string> joined(std::vector<std::string> list, const Add& more) {
-  list.insert(list.end(), more.begin(), more.end());
+std::vector<std::string> joined(std::vector<std::string> list, const Add& added) {
+  list.insert(list.end(), added.begin(), added.end());
   return list;
 }
 
@@ -154,19 +154,19 @@ Benchmark with_private_set(const Benchmark& benchmark, const std::filesystem::pa
                      fmt::format("has the SHA-256 {}, but the private set of {} {} has {}", sha256, benchmark.name, benchmark.version,
                                  benchmark.private_sha256),
                      "use the file with the published SHA-256");
-  Benchmark with = benchmark;
-  with.run.eval.file = file.string();
+  Benchmark extended = benchmark;
+  extended.run.eval.file = file.string();
   const EpisodeSet set = load_episode_set(file);
-  with.set_hash = hex64(set.hash);
-  with.content_sha256 = digest_of_content(set, benchmark.run.env.scene_root, benchmark.run.env.sound_root);
-  return with;
+  extended.set_hash = hex64(set.hash);
+  extended.content_sha256 = digest_of_content(set, benchmark.run.env.scene_root, benchmark.run.env.sound_root);
+  return extended;
 }
 
 void check_private_split(const Benchmark& benchmark, const EpisodeSet& private_set) {
   const RunConfig& run = benchmark.run;
-  const auto refuse = [&](const SplitOverlap& found, const char* whose) {
+  const auto refuse = [&](const SplitOverlap& found, const char* set_name) {
     throw InputError("the private set of " + benchmark.name,
-                     fmt::format("has '{}', {} '{}' of {}", found.tested, found.why, found.trained, whose), "make another private set");
+                     fmt::format("has '{}', {} '{}' of {}", found.tested, found.why, found.trained, set_name), "make another private set");
   };
   constexpr const char* kOthers = "the training set or the public test set";
   const auto trained = expand_sounds(run.train.sounds), tested = expand_sounds(run.eval.sounds), own = sounds_of(private_set);

@@ -21,9 +21,9 @@ bool is_plain(const std::string& name) {
 /// Seeds and folders belong to the sweep.
 void refuse_own_keys(ConfigReader& reader, const std::string& key, const std::vector<std::string>& overrides) {
   for (const std::string& override : overrides)
-    for (const char* own : {"seed", "out"})
-      if (override.starts_with(std::string(own) + "="))
-        reader.fail(key, fmt::format("sets '{}', which the sweep sets itself for each run", own));
+    for (const char* reserved : {"seed", "out"})
+      if (override.starts_with(std::string(reserved) + "="))
+        reader.fail(key, fmt::format("sets '{}', which the sweep sets itself for each run", reserved));
 }
 
 }  // namespace

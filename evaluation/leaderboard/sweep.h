@@ -46,7 +46,7 @@ struct SweepRun {
 /// Variants in the order of the file, seeds within each.
 std::vector<SweepRun> runs_of(const SweepConfig& sweep);
 
-/// What became of it.
+/// Outcome of the run.
 struct SweepCurve {
   std::string variant;
   std::uint64_t seed = 0;

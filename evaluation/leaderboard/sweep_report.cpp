@@ -141,8 +141,8 @@ std::vector<SweepRow> sweep_rows(const std::vector<SweepCurve>& curves) {
       row.minutes += curve.points.back().wall_s / 60;
     }
     const auto estimate = [](const std::vector<double>& values) {
-      constexpr double none = std::numeric_limits<double>::quiet_NaN();
-      return values.empty() ? Estimate{none, none, none} : mean_with_interval(values);
+      constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+      return values.empty() ? Estimate{not_a_number, not_a_number, not_a_number} : mean_with_interval(values);
     };
     row.success = estimate(success);
     row.spl = estimate(spl);

@@ -75,9 +75,9 @@ std::vector<Track> default_tracks() {
   return {{"ears", ears}, {"ears and eyes", eyes}, {"with odometry", odometry}};
 }
 
-std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& of) {
+std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& observation) {
   ConfigReader reader = section.child("tracks", kTracksAbout);
-  const std::vector<SensorSpec> all = all_sensors(of);
+  const std::vector<SensorSpec> all = all_sensors(observation);
   std::vector<Track> tracks;
   std::set<std::string> names{kAnything};
   for (const std::string& name : reader.free_keys("NAME")) {

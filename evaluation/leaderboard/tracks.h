@@ -11,7 +11,7 @@
 
 namespace earshot {
 
-/// Those who may be compared: agents that read none but these sensors, as the environment of the benchmark sets them up, and some sensor of
+/// Comparable agents: those that read only these sensors, as the environment of the benchmark sets them up, and some sensor of
 /// the ears.
 struct Track {
   std::string name;
@@ -22,14 +22,14 @@ struct Track {
 std::vector<Track> default_tracks();
 
 inline constexpr About kTracksAbout("Tracks by name, narrow ones first: the sensors that agents of a track may read.");
-/// Section `tracks` of a benchmark: a list of sensors for each name, narrow ones first; without one default_tracks().  of: the sensors
-/// that there are.  Throws InputError: a sensor that there is not or that is privileged, a name in use or with control characters, no
-/// sensor of the ears.
-std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& of);
+/// Section `tracks` of a benchmark: a list of sensors for each name, narrow ones first; without one default_tracks().  observation: the
+/// sensors that there are.  Throws InputError: a sensor that there is not or that is privileged, a name in use or with control characters,
+/// no sensor of the ears.
+std::vector<Track> read_tracks(ConfigReader& section, const ObservationSpec& observation);
 
 /// The first track that has all of these sensors; null: none has, or none of them is of the ears.
 const Track* track_of(std::span<const Track> tracks, std::span<const SensorSpec> read);
-/// Why track_of gives none, in words: the first sensor that is in none of the tracks, or that nothing is heard.
+/// Reason why track_of returns no track: the first sensor that is in none of the tracks, or a missing sound sensor.
 std::string no_track_reason(std::span<const Track> tracks, std::span<const SensorSpec> read);
 
 /// A setting of sensors that are read which differs from the benchmark's: its key, and both values; empty: none does.  ours, theirs: as

@@ -39,7 +39,7 @@ EnvConfig recording_env(const EnvConfig& env, const EnvConfig& ruled) {
   config.prefetch = false;
   config.stage_limit_s = 0;
   config.quarantine_dir.clear();
-  config.field_store.clear();  // an episode is no reason to leave files behind
+  config.field_store.clear();  // an episode leaves no files behind
   config.scene_store.clear();
   return config;
 }
@@ -89,7 +89,7 @@ std::optional<std::array<std::size_t, 2>> playing_steps(const EpisodeSource& sou
   return steps;
 }
 
-/// Places of the oracle, and how many actions it takes.
+/// Positions of the oracle, and its number of actions.
 void walk_oracle(const TaskConfig& task, const Navmesh& navmesh, const NearestGoal& goal, const Pose& start, EpisodeRecording& recording) {
   TaskConfig relaxed = task;
   relaxed.max_steps = 4 * task.max_steps;
@@ -187,16 +187,16 @@ class Recorder {
 
 /// The first number of the row that its actions do not give, in words; empty: they give all.
 std::string difference(const EpisodeMetrics& claimed, const EpisodeMetrics& now) {
-  const auto same = [](double a, double b) { return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b); };
+  const auto same_bits = [](double a, double b) { return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b); };
   const auto differs = [](const char* name, double a, double b) {
     return fmt::format("reports {} = {}, but its actions give {}", name, a, b);
   };
   if (claimed.steps != now.steps) return differs("steps", claimed.steps, now.steps);
-  if (!same(claimed.success, now.success)) return differs("success", claimed.success, now.success);
-  if (!same(claimed.spl, now.spl)) return differs("spl", claimed.spl, now.spl);
-  if (!same(claimed.soft_spl, now.soft_spl)) return differs("soft_spl", claimed.soft_spl, now.soft_spl);
-  if (!same(claimed.dtg_m, now.dtg_m)) return differs("dtg_m", claimed.dtg_m, now.dtg_m);
-  if (!same(claimed.reward, now.reward)) return differs("reward", claimed.reward, now.reward);
+  if (!same_bits(claimed.success, now.success)) return differs("success", claimed.success, now.success);
+  if (!same_bits(claimed.spl, now.spl)) return differs("spl", claimed.spl, now.spl);
+  if (!same_bits(claimed.soft_spl, now.soft_spl)) return differs("soft_spl", claimed.soft_spl, now.soft_spl);
+  if (!same_bits(claimed.dtg_m, now.dtg_m)) return differs("dtg_m", claimed.dtg_m, now.dtg_m);
+  if (!same_bits(claimed.reward, now.reward)) return differs("reward", claimed.reward, now.reward);
   return {};
 }
 
@@ -220,10 +220,10 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   recording.actions = row.actions;
   recording.config = config;
   const auto envs = static_cast<std::size_t>(ruled.num_envs);
-  auto one = std::make_shared<EpisodeSet>();
-  one->episodes = {recording.episode};
-  one->hash = episode_set_hash(one->episodes);
-  BatchedEnv batch(recording.env, one, make_scene_cache(recording.env), 1, static_cast<int>(index % envs), ruled.num_envs);
+  auto single_episode = std::make_shared<EpisodeSet>();
+  single_episode->episodes = {recording.episode};
+  single_episode->hash = episode_set_hash(single_episode->episodes);
+  BatchedEnv batch(recording.env, single_episode, make_scene_cache(recording.env), 1, static_cast<int>(index % envs), ruled.num_envs);
   const auto fault = batch.begin(0, 0, static_cast<int>(index / envs));
   if (fault) throw InputError(where, place + " cannot start: " + fault->detail, "check that its scene and sounds exist");
   recording.scene = batch.source(0).scene;
@@ -252,8 +252,8 @@ EpisodeRecording record_episode(const EvaluationResult& result, const std::strin
   if (recording.episode.sources.empty()) recording.playing = {std::array{std::size_t{0}, recording.steps.size() - 1}};
   for (const EpisodeSource& source : recording.episode.sources)
     recording.playing.push_back(playing_steps(source, recording.env, recording.steps.size()));
-  if (const std::string what = difference(row.metrics, recording.metrics); !what.empty())
-    throw InputError(where, place + " " + what, "run 'earshot verify': the result was changed, or another build made it");
+  if (const std::string problem = difference(row.metrics, recording.metrics); !problem.empty())
+    throw InputError(where, place + " " + problem, "run 'earshot verify': the result was changed, or another build made it");
   return recording;
 }
 

@@ -19,7 +19,7 @@ namespace earshot {
 /// Of JPEG, in pages and MCAP files.
 inline constexpr int kPictureQuality = 80;
 
-/// What a policy makes of an observation.
+/// Output of a policy for an observation.
 struct PolicyJudgement {
   double value = 0;
   std::array<double, kNumActions> probabilities{};
@@ -39,7 +39,7 @@ struct RecordedStep {
   float straight_m = 0;                            ///< to it, horizontally
   double bearing_rad = 0;                          ///< of it, positive to the left of the heading
   std::array<double, 2> level_db{};                ///< of the sound of this step at the left and the right ear, re amplitude 1
-  std::optional<double> heard_rad = std::nullopt;  ///< lateral angle from which the ears place the sound; none in silence
+  std::optional<double> heard_rad = std::nullopt;  ///< lateral angle of the sound by the ears; nullopt in silence
   std::optional<PolicyJudgement> judgement = {};   ///< none without a policy, and of the last observation
   std::vector<std::uint8_t> rgb = {};              ///< [height, width, 3] of RecordingConfig
   std::vector<float> depth = {};                   ///< of the agent's camera, where it has depth
@@ -52,7 +52,7 @@ struct RecordingConfig {
 
 /// An episode walked again with eyes and ears.
 struct EpisodeRecording {
-  EnvConfig env;  ///< with which it was walked
+  EnvConfig env;  ///< used for the walk
   Episode episode;
   std::size_t index = 0;  ///< in its set
   EpisodeMetrics metrics;
@@ -72,8 +72,8 @@ struct EpisodeRecording {
 };
 
 /// Walks episode `index` of the set again by the actions of its row, with the sensors and acoustics of `env` and the task, navmesh and seed
-/// of the result's rules.  observer: empty, or a policy of env's sensors.  Throws InputError that names `where`: the row is no episode of
-/// the set, or its actions give other numbers than it holds.
+/// of the result's rules.  observer: empty, or a policy of env's sensors.  Throws InputError that names `where`: the row is not an episode
+/// of the set, or its actions give other numbers than it states.
 EpisodeRecording record_episode(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, std::size_t index,
                                 const EnvConfig& env, const RecordingConfig& config = {}, const PolicyObserver& observer = {});
 

@@ -39,7 +39,7 @@ constexpr float kLoudest = 0.89f;  ///< of the sound of a page: 1 dB below the l
 
 double degrees(double rad) { return rad * 180.0 / std::numbers::pi; }
 double rounded(double value, double unit) { return std::round(value / unit) * unit; }
-/// A number of a page: null where it is none, with as many digits as are of use.
+/// A number of a page, with significant digits only; null if it is not finite.
 Json number(double value, double per_unit = 1e4) { return std::isfinite(value) ? Json(std::round(value * per_unit) / per_unit) : Json(); }
 Json place(glm::vec3 at) { return {number(at.x, 1e3), number(at.y, 1e3), number(at.z, 1e3)}; }
 Json places(const std::vector<glm::vec3>& all) {
@@ -154,9 +154,9 @@ Json sources_json(const EpisodeRecording& recording) {
   return sources;
 }
 
-void replace(std::string& text, std::string_view key, std::string_view by) {
+void replace(std::string& text, std::string_view key, std::string_view replacement) {
   const std::size_t at = text.find(key);
-  if (at != std::string::npos) text.replace(at, key.size(), by);
+  if (at != std::string::npos) text.replace(at, key.size(), replacement);
 }
 
 }  // namespace
@@ -209,7 +209,7 @@ std::string replay_json(const EpisodeRecording& recording, const ReplayCaption& 
 }
 
 std::string replay_html(const EpisodeRecording& recording, const ReplayCaption& caption) {
-  std::string json = replay_json(recording, caption);  // base64 has no '<'; what a scene is called may
+  std::string json = replay_json(recording, caption);  // base64 has no '<'; the name of a scene may
   for (std::size_t at = json.find('<'); at != std::string::npos; at = json.find('<', at)) json.replace(at, 1, "\\u003c");
   std::string page = kPage;
   replace(page, "@TITLE@", escape_markup(fmt::format("{}: episode {} in {}", caption.agent, recording.index, recording.episode.scene_id)));

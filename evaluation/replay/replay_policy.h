@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// What the policy of a checkpoint or policy file thinks of each observation of a recorded episode, which need not be its own: values and
+/// Outputs of the policy of a checkpoint or policy file for each observation of a recorded episode, which need not be its own: values and
 /// probabilities of actions.
 PolicyObserver observe_with_policy(const std::filesystem::path& checkpoint, const RunConfig& config);
 

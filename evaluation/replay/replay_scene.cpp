@@ -18,8 +18,8 @@ namespace earshot {
 namespace {
 
 constexpr float kCeilingM = 1.9f;   ///< level surfaces further above the floor are ceilings, roofs and tops of wardrobes
-constexpr float kHangingM = 2.05f;  ///< what begins further above the floor hangs, or is of another storey
-constexpr float kBelowM = 1.0f;     ///< what ends further below the floor is of another storey
+constexpr float kHangingM = 2.05f;  ///< geometry that begins further above the floor hangs or belongs to another storey
+constexpr float kBelowM = 1.0f;     ///< geometry that ends further below the floor belongs to another storey
 constexpr int kMapPx = 640;         ///< longer side of a map
 constexpr float kMarginM = 0.5f;    ///< of a map around what is walkable
 

@@ -30,7 +30,7 @@ struct ReplayMap {
   std::vector<std::uint8_t> rgb;  ///< [height, width, 3]
 };
 
-/// Drawn by rays from below the ceiling down, lit as cameras are; what is not walkable is darker, and what lies inside of walls is dark.
+/// Drawn by rays from below the ceiling down, lit as cameras are; floor that is not walkable is darker, the inside of walls is dark.
 ReplayMap replay_map(const EnvScene& scene, const Appearance& looks, float floor_m);
 
 }  // namespace earshot

@@ -18,7 +18,7 @@
 namespace earshot {
 namespace {
 
-/// With no env but such whose stage has been given up, and none of those coming back.
+/// Every env has an abandoned stage, and none returns.
 constexpr double kLongestIdleS = 600;
 
 EvaluationResult::Row row_of(const Episode& episode, const FinishedEpisode& finished) {

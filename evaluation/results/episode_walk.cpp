@@ -20,7 +20,7 @@ namespace earshot {
 std::string resolve_scene(const std::string& scene_id, const std::string& scene_root) {
   if (scene_root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
   const std::filesystem::path inside = std::filesystem::path(scene_root) / scene_id;
-  std::error_code ignored;  // "house:3" is no file, and that is fine
+  std::error_code ignored;  // "house:3" is not a file, which is not an error
   return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
 }
 

@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What load_scene takes for a scene of an episode: a file under scene_root where there is one of this name, else the name itself.
+/// Argument of load_scene for a scene of an episode: a file under scene_root where there is one of this name, else the name itself.
 std::string resolve_scene(const std::string& scene_id, const std::string& scene_root);
 
 /// scene_id: as SceneCache takes it, looked up under scene_root.  Throws InputError.
@@ -27,7 +27,7 @@ struct WalkedScene {
 /// scene_id: as load_scene_under with config.scene_root.
 WalkedScene load_walked_scene(const std::string& scene_id, const EnvConfig& config);
 
-/// What recorded actions come to.
+/// Result of recorded actions.
 struct WalkOutcome {
   EpisodeMetrics metrics;
   std::string fault = {};  ///< why the actions are not one whole episode, in words; empty: they are

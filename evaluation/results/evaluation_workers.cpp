@@ -103,15 +103,16 @@ EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arg
   exit_code = spawn_workers(workers, arguments);
   if (exit_code != 0) return result;
   for (int part = 0; part < workers; ++part) {
-    EvaluationResult own = load_result(part_file(folder.path(), part));
+    EvaluationResult part_result = load_result(part_file(folder.path(), part));
     if (part == 0) {
-      result = std::move(own);
+      result = std::move(part_result);
       continue;
     }
-    if (own.set_hash != result.set_hash || own.episodes.size() != result.episodes.size() || own.policy_hash != result.policy_hash)
+    if (part_result.set_hash != result.set_hash || part_result.episodes.size() != result.episodes.size() ||
+        part_result.policy_hash != result.policy_hash)
       throw RunError("eval --workers", "the workers read different episodes or weights: a file was changed during the evaluation");
-    for (std::size_t i = 0; i < own.episodes.size(); ++i)
-      if (!own.episodes[i].scene.empty()) result.episodes[i] = std::move(own.episodes[i]);
+    for (std::size_t i = 0; i < part_result.episodes.size(); ++i)
+      if (!part_result.episodes[i].scene.empty()) result.episodes[i] = std::move(part_result.episodes[i]);
   }
   for (const auto& row : result.episodes)
     if (row.scene.empty()) throw RunError("eval --workers", "the workers left out an episode");

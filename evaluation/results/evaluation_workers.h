@@ -16,11 +16,11 @@ namespace earshot {
 /// Call it before other threads exist.
 EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, int& exit_code);
 
-/// Option by which a worker is told the folder in which it leaves its result.
+/// Option that names the folder for a worker's result.
 inline constexpr const char* kPartFolderOption = "--part-folder";
 
-/// What one of these workers does: evaluation.part says which episodes, and threads become its part of the cores where all are asked for.
-/// The first worker shows the progress of all.  Throws InputError where this process is no such worker.
+/// Runs one of these workers: evaluation.part selects the episodes, and threads become its part of the cores if all are requested.
+/// The first worker shows the progress of all.  Throws InputError if this process is not a worker.
 class EvaluationWorker {
  public:
   /// name: of the agent, for the progress.

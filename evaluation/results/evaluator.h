@@ -30,7 +30,7 @@ struct EvaluationConfig {
   std::uint64_t seed = 0;                              ///< of the sampled actions
   std::optional<ActionChoice> actions = std::nullopt;  ///< none: as RunConfig::eval_actions says
   int max_episodes = 0;                                ///< 0: all
-  /// What a checkpoint acts in, sensors that fit its network included; none: what its own config says.
+  /// Environment for a checkpoint, with sensors that fit its network; without one, that of its own config.
   std::optional<EnvConfig> env = std::nullopt;
   /// Only these episodes, the rows of the others stay empty; without: all.
   std::optional<EvaluationPart> part = std::nullopt;

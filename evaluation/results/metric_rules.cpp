@@ -38,8 +38,8 @@ MetricRules rules_for(const MetricRules& of_result, const MetricRules& of_benchm
 }
 
 RuledEnv env_of_rules(const MetricRules& rules, const std::string& where, const std::string& scene_root, const std::string& sound_root) {
-  const auto refuse = [&](const std::string& what) {
-    throw InputError(where, what, "evaluate the agent again with this program, or give the config of the benchmark");
+  const auto refuse = [&](const std::string& problem) {
+    throw InputError(where, problem, "evaluate the agent again with this program, or give the config of the benchmark");
   };
   RuledEnv ruled;
   std::vector<std::string> keys;

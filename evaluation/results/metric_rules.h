@@ -15,8 +15,8 @@ using MetricRules = std::map<std::string, std::string>;
 
 MetricRules metric_rules(const EnvConfig& env, int num_envs);
 
-/// What a result is verified by where a benchmark has rules of its own: those of the benchmark, but for what decides no ranked number:
-/// rewards, whether and at which rate the agent hears, and without errors of actuation the seed and the size of the batch are the result's.
+/// Rules for verifying a result of a benchmark: those of the benchmark, except for settings that affect no ranked number: rewards, whether
+/// and at which rate the agent hears, and without errors of actuation the seed and the size of the batch are the result's.
 MetricRules rules_for(const MetricRules& of_result, const MetricRules& of_benchmark);
 
 /// The env of these rules, without pictures.

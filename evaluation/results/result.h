@@ -54,7 +54,7 @@ struct EvaluationResult {
     std::vector<std::int8_t> actions;
     std::string sound = {};    ///< of the goal, as Episode::sound; empty in older files
     std::string novelty = {};  ///< what it was to the training: see note_novelty; empty where that is not known
-    /// Of the set (note_places), in no file: floor of the scene, and how far the goal is on foot; 0 where that is not known.
+    /// From the set (note_places), not in a file: floor of the scene, and walking distance to the goal; 0 if unknown.
     double area_m2 = 0, distance_m = 0;
   };
   std::vector<Row> episodes;                      ///< in the order of the set
@@ -67,7 +67,7 @@ struct EvaluationResult {
   /// Of a file that was read: what it says of itself, which may not be so.
   std::map<std::string, Estimate> claimed_summary = {};
   std::uint64_t claimed_episodes = 0;
-  bool matches_checksum = true;           ///< its checksum is that of the rest, or it has none (older files)
+  bool matches_checksum = true;           ///< its checksum matches the rest, or is absent (older files)
   bool verified = false;                  ///< set where it was, in this process; no file says it
   std::optional<Standing> standing = {};  ///< the same
 

@@ -35,7 +35,7 @@ class FloorAreas {
 };
 
 /// Notes in each row the floor of its scene and the distance from its start to its goal.  set: that of the result, or the one that a
-/// partial result is of.  Returns false, and notes nothing, if it is another set: its hash says so.
+/// partial result is of.  Returns false and changes nothing for a set with another hash.
 bool note_places(EvaluationResult& result, const EpisodeSet& set, FloorAreas& areas);
 
 /// By what the episodes of a result are told apart.  size: floor of the scene in classes of 50 m2; distance: of start and goal on foot,

@@ -16,7 +16,7 @@ using SensedConfig = std::map<std::string, std::string>;
 /// Throws InputError: the file of responses cannot be read.
 SensedConfig sensed_config(const EnvConfig& env);
 
-/// Whether a key of the env section decides nothing that an agent senses: a machine may have its own.
+/// Whether a key of the env section has no effect on observations, so that machines may differ in it.
 bool is_local_key(const std::string& key);
 
 /// The env of these keys, without a file of responses.  Throws InputError that names `where`: a key is unknown or its value out of range.

@@ -32,7 +32,7 @@ std::set<std::string> sounds_named_by(const EpisodeSet& set) {
   return sounds;
 }
 
-/// A line for every file of scenes and sounds: what names it, and the SHA-256 of its bytes.
+/// A line for every file of scenes and sounds: its name, and the SHA-256 of its bytes.
 std::string content_lines(const EpisodeSet& set, const std::string& scene_root, const std::string& sound_root) {
   std::set<std::string> scenes;
   for (const Episode& episode : set.episodes) scenes.insert(episode.scene_id);

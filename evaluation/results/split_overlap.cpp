@@ -76,12 +76,12 @@ std::uint64_t content_of(const std::string& sound, const std::string& sound_root
 
 /// Of the two lists, the first pair that `identity` maps to the same.
 template <class Identity>
-std::optional<SplitOverlap> same(std::span<const std::string> trained, std::span<const std::string> tested, const char* why,
-                                 const Identity& identity) {
+std::optional<SplitOverlap> find_overlap(std::span<const std::string> trained, std::span<const std::string> tested, const char* why,
+                                         const Identity& identity) {
   std::map<decltype(identity(trained[0])), std::string> known;
-  for (const std::string& one : trained) known.emplace(identity(one), one);
-  for (const std::string& one : tested)
-    if (const auto found = known.find(identity(one)); found != known.end()) return SplitOverlap{one, found->second, why};
+  for (const std::string& name : trained) known.emplace(identity(name), name);
+  for (const std::string& name : tested)
+    if (const auto found = known.find(identity(name)); found != known.end()) return SplitOverlap{name, found->second, why};
   return std::nullopt;
 }
 
@@ -91,22 +91,22 @@ double geometry_overlap(const TriangleMesh& a, const TriangleMesh& b) { return o
 
 std::optional<SplitOverlap> find_scene_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
                                                const std::string& scene_root) {
-  if (auto found = same(trained, tested, "the same as", identity_of)) return found;
+  if (auto found = find_overlap(trained, tested, "the same as", identity_of)) return found;
   const auto cells = [&](const std::string& scene) { return cells_of(load_scene_under(scene, scene_root)->mesh()); };
   std::vector<Cells> known;
   for (const std::string& scene : trained) known.push_back(cells(scene));
   for (const std::string& scene : tested) {
-    const Cells own = cells(scene);
+    const Cells cells_of_scene = cells(scene);
     for (std::size_t i = 0; i < known.size(); ++i)
-      if (overlap(known[i], own) >= kNearDuplicate) return SplitOverlap{scene, trained[i], "a near-duplicate of"};
+      if (overlap(known[i], cells_of_scene) >= kNearDuplicate) return SplitOverlap{scene, trained[i], "a near-duplicate of"};
   }
   return std::nullopt;
 }
 
 std::optional<SplitOverlap> find_sound_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
                                                const std::string& sound_root) {
-  if (auto found = same(trained, tested, "the same as", sound_identity)) return found;
-  return same(trained, tested, "another copy of", [&](const std::string& sound) { return content_of(sound, sound_root); });
+  if (auto found = find_overlap(trained, tested, "the same as", sound_identity)) return found;
+  return find_overlap(trained, tested, "another copy of", [&](const std::string& sound) { return content_of(sound, sound_root); });
 }
 
 }  // namespace earshot

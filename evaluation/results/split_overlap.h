@@ -12,7 +12,7 @@ namespace earshot {
 /// Something of a test set that the training has too.
 struct SplitOverlap {
   std::string tested, trained;
-  std::string why;  ///< what the one is of the other: "the same as"
+  std::string why;  ///< relation of the two: "the same as"
 };
 
 /// Fraction of the corners of the mesh that has fewer which the other has as well, to about 5 cm: both moved so that their bounds begin at

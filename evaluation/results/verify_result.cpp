@@ -45,9 +45,9 @@ std::string place(std::size_t index, const EvaluationResult::Row& row) {
   return fmt::format("episode {} ('{}' in {})", index, row.id, row.scene);
 }
 
-/// What the file says of itself.
+/// Header of the file.
 void check_head(const EvaluationResult& result, const std::string& where, const EpisodeSet& set, const VerifyConfig& config) {
-  const auto refuse = [&](const std::string& what) { throw InputError(where, what, kRemedy); };
+  const auto refuse = [&](const std::string& problem) { throw InputError(where, problem, kRemedy); };
   if (result.engine_hash != engine_hash() && !config.any_engine)
     throw InputError(where, fmt::format("was made by engine {}, but this is engine {}", result.engine_hash, engine_hash()),
                      "make it anew with 'earshot eval', verify it with the build that made it, or add --any-engine, which requires the "
@@ -73,7 +73,7 @@ void check_order(const EvaluationResult& result, const std::string& where, const
   for (std::size_t i = 0; i < result.episodes.size(); ++i) {
     const EvaluationResult::Row& row = result.episodes[i];
     const Episode& episode = set.episodes[i];
-    const auto refuse = [&](const std::string& what) { throw InputError(where, place(i, row) + " " + what, kRemedy); };
+    const auto refuse = [&](const std::string& problem) { throw InputError(where, place(i, row) + " " + problem, kRemedy); };
     if (!seen.emplace(row.scene, row.id).second && unique) refuse("occurs twice");
     if (row.id != episode.episode_id || row.scene != episode.scene_id)
       refuse(fmt::format("is at the place of '{}' in {} of the set", episode.episode_id, episode.scene_id));
@@ -94,15 +94,15 @@ void check_rules(const EvaluationResult& result, const std::string& where, const
 void check_summary(const EvaluationResult& result, const std::string& where) {
   for (const auto& [name, estimate] : result.summary()) {
     const auto claimed = result.claimed_summary.find(name);
-    const bool same = claimed != result.claimed_summary.end() && same_bits(claimed->second.mean, estimate.mean) &&
-                      same_bits(claimed->second.low, estimate.low) && same_bits(claimed->second.high, estimate.high);
-    if (!same) throw InputError(where, fmt::format("has a summary whose '{}' does not match its episodes", name), kRemedy);
+    const bool is_equal = claimed != result.claimed_summary.end() && same_bits(claimed->second.mean, estimate.mean) &&
+                          same_bits(claimed->second.low, estimate.low) && same_bits(claimed->second.high, estimate.high);
+    if (!is_equal) throw InputError(where, fmt::format("has a summary whose '{}' does not match its episodes", name), kRemedy);
   }
   if (result.claimed_episodes != result.episodes.size())
     throw InputError(where, "has a summary for a different number of episodes than it contains", kRemedy);
 }
 
-/// What is wrong with a row, or nothing.
+/// The fault of a row, or empty.
 std::string fault_of(const EvaluationResult::Row& row, const WalkOutcome& walked) {
   if (!walked.fault.empty()) return walked.fault;
   for (const Metric& metric : kMetrics) {
@@ -115,18 +115,18 @@ std::string fault_of(const EvaluationResult::Row& row, const WalkOutcome& walked
 /// The first row that is not what its actions give, and why.
 struct FirstFault {
   std::size_t index;
-  std::string what;
+  std::string problem;
   bool is_walked = true;  ///< else the scene or the sound could not be loaded
 };
 
-/// Toolchains round differently: a number that another one gave is no evidence of a forgery, and is no evidence of the actions either.
+/// Toolchains round differently: a number of another toolchain proves neither a forgery nor the actions.
 [[noreturn]] void refuse_row(const EvaluationResult& result, const std::string& where, const FirstFault& fault) {
-  const std::string what = place(fault.index, result.episodes[fault.index]) + " " + fault.what;
+  const std::string problem = place(fault.index, result.episodes[fault.index]) + " " + fault.what;
   const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(simulation_toolchain());
-  if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, what, kRemedy);
-  throw InputError(where,
-                   fmt::format("{}; it was made with {}, and verified with {}", what, made.empty() ? "an unknown toolchain" : made, here),
-                   "verify it with the same toolchain: toolchains round differently, so this difference alone does not prove a forgery");
+  if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, problem, kRemedy);
+  throw InputError(
+      where, fmt::format("{}; it was made with {}, and verified with {}", problem, made.empty() ? "an unknown toolchain" : made, here),
+      "verify it with the same toolchain: toolchains round differently, so this difference alone does not prove a forgery");
 }
 
 /// Episodes of the scenes are walked by the threads, a scene by one of them.
@@ -153,8 +153,8 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
           const auto envs = static_cast<std::size_t>(ruled.num_envs);
           const WalkOutcome walked = walk_episode(ruled.env, scene, field->second, episode, result.episodes[i].actions,
                                                   static_cast<std::uint32_t>(i % envs), static_cast<std::uint32_t>(i / envs));
-          if (std::string what = fault_of(result.episodes[i], walked); !what.empty()) {
-            faults[part] = {.index = i, .what = std::move(what)};
+          if (std::string problem = fault_of(result.episodes[i], walked); !problem.empty()) {
+            faults[part] = {.index = i, .what = std::move(problem)};
             break;
           }
         }
@@ -166,8 +166,8 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
   const auto cores = std::max(1u, std::thread::hardware_concurrency());
   const std::size_t wanted = threads > 0 ? static_cast<std::size_t>(threads) : cores;
   {
-    std::vector<std::jthread> others;
-    for (std::size_t i = 1; i < std::min(wanted, parts.size()); ++i) others.emplace_back(walk);
+    std::vector<std::jthread> helpers;
+    for (std::size_t i = 1; i < std::min(wanted, parts.size()); ++i) helpers.emplace_back(walk);
     walk();
   }
   std::optional<FirstFault> first;
