@@ -81,8 +81,8 @@ MoveResult Navigation::move(const Vec3& from, const Vec3& displacement) const {
   require_finite(displacement, "displacement");
   const auto start = model_->navmesh.snap(model_->local(from));
   if (!start) throw InputError("from", "is not on the walkable surface", "take a point that snap() finds");
-  const glm::vec3 by{static_cast<float>(displacement.x), 0.f, static_cast<float>(displacement.z)};
-  const earshot::MoveResult moved = slide(model_->navmesh, *start, by);
+  const glm::vec3 offset{static_cast<float>(displacement.x), 0.f, static_cast<float>(displacement.z)};
+  const earshot::MoveResult moved = slide(model_->navmesh, *start, offset);
   return {model_->world(moved.position), moved.collided};
 }
 

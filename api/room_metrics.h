@@ -6,7 +6,7 @@
 
 namespace earshot::api {
 
-/// The same numbers, NaN where there is none.
+/// The same numbers, NaN for missing values.
 Metrics metrics_of(const RoomMetrics& metrics);
 
 }  // namespace earshot::api

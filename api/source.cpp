@@ -34,8 +34,8 @@ void for_each_index(std::size_t count, int threads, const Make& make) {
   std::mutex error_mutex;
   const auto work = [&] {
     try {
-      auto one = make();
-      for (std::size_t i = next++; i < count; i = next++) one(i);
+      auto render_item = make();
+      for (std::size_t i = next++; i < count; i = next++) render_item(i);
     } catch (...) {
       next = count;
       const std::lock_guard lock(error_mutex);
@@ -96,9 +96,9 @@ void Source::Model::check_places(std::shared_ptr<const AcousticScene> acoustics,
 }
 
 Rir Source::render(const Vec3& listener, const RenderOptions& options) const {
-  const Listener one{listener, options.heading_deg, options.pitch_deg, options.roll_deg};
+  const Listener pose{listener, options.heading_deg, options.pitch_deg, options.roll_deg};
   const std::string channels = options.channels.empty() ? "binaural" : options.channels;
-  return std::move(render_all({&one, 1}, {.channels = channels, .hrtf = options.hrtf, .threads = 1}).front());
+  return std::move(render_all({&pose, 1}, {.channels = channels, .hrtf = options.hrtf, .threads = 1}).front());
 }
 
 std::vector<Rir> Source::render_all(std::span<const Listener> listeners, const BatchOptions& options) const {

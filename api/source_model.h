@@ -17,7 +17,7 @@
 
 namespace earshot::api {
 
-/// What the responses of a source share: its candidates of paths and, if built, its late field, for one order of harmonics.
+/// Data shared by the responses of a source: its candidates of paths and, if built, its late field, for one order of harmonics.
 struct SourceParts {
   std::shared_ptr<const AcousticScene> acoustics;
   std::shared_ptr<const EarlyCandidates> candidates;

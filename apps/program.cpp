@@ -57,14 +57,14 @@ void check_commands(const CLI::App& app, const std::vector<std::string>& words) 
 
 /// libtorch says so by an exception of its own.
 bool is_out_of_memory(const std::exception& error) {
-  const std::string_view what = error.what();
-  return dynamic_cast<const std::bad_alloc*>(&error) != nullptr || what.find("allocate memory") != std::string_view::npos ||
-         what.find("not enough memory") != std::string_view::npos;
+  const std::string_view message = error.what();
+  return dynamic_cast<const std::bad_alloc*>(&error) != nullptr || message.find("allocate memory") != std::string_view::npos ||
+         message.find("not enough memory") != std::string_view::npos;
 }
 
 /// One line, whatever the library that threw has to say below it, and without an exception of its own where the output is closed.
-int fail(int code, const std::string& what) {
-  std::fputs(("earshot: " + what.substr(0, what.find('\n')) + "\n").c_str(), stderr);
+int fail(int code, const std::string& message) {
+  std::fputs(("earshot: " + message.substr(0, message.find('\n')) + "\n").c_str(), stderr);
   return code;
 }
 
@@ -110,7 +110,7 @@ void continue_as(const std::filesystem::path& program, char** argv) {
 int report_failure(const std::exception& error) {
   if (is_out_of_memory(error)) {
     fail(kExitFailed, fmt::format("out of memory: {}", error.what()));
-    std::_Exit(kExitFailed);  // what ends libraries may wait for memory too
+    std::_Exit(kExitFailed);  // library cleanup may wait for memory too
   }
   const bool is_input = dynamic_cast<const InputError*>(&error) != nullptr;
   const bool is_loss = dynamic_cast<const WorldLost*>(&error) != nullptr || dynamic_cast<const LeftOut*>(&error) != nullptr;

@@ -30,7 +30,7 @@ struct BenchAllreduceArguments {
   bool quick = false, no_gloo = false;
 };
 
-/// What a worker does: measures with the others; rank 0 writes the times.
+/// Work of a worker: measures with the others; rank 0 writes the times.
 void measure(const BenchAllreduceArguments& options, const LaunchedWorker& worker) {
   const auto times = time_all_reduce(options.speed, worker.ring);
   if (worker.ring.identity.rank != 0) return;

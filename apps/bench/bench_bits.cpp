@@ -33,11 +33,11 @@ std::uint64_t hash_of_steps(const BenchBitsArguments& options) {
   reader.finish();
   const auto set = std::make_shared<const EpisodeSet>(load_episode_set(options.episodes));
   const auto batch_on = [&](int threads) {
-    EnvConfig own = config;
-    own.threads = threads;
-    validate(own);
-    require(own.agents == 1, "agents", own.agents, "must be 1: each environment takes the actions of one agent");
-    return std::make_unique<BatchedEnv>(own, set, make_scene_cache(own), options.envs);
+    EnvConfig env_config = config;
+    env_config.threads = threads;
+    validate(env_config);
+    require(env_config.agents == 1, "agents", env_config.agents, "must be 1: each environment takes the actions of one agent");
+    return std::make_unique<BatchedEnv>(env_config, set, make_scene_cache(env_config), options.envs);
   };
   auto batch = batch_on(options.threads);
   batch->reset();

@@ -34,7 +34,7 @@ struct BenchScalingArguments {
   bool quick = false;
 };
 
-/// What a worker does; rank 0 writes what all have measured.
+/// Work of a worker; rank 0 writes the measurements of all.
 void measure(const BenchScalingArguments& options, const LaunchedWorker& worker) {
   const auto workers = connect_over_loopback(worker.ring);
   json result = json::object();

@@ -51,7 +51,7 @@ Answer run_shell(const std::string& command) {
   return answer;
 }
 
-/// The first of the usual interpreters, or the named one, that can import torch; none where none can.
+/// The first of the usual interpreters, or the named one, that can import torch; empty if none can.
 std::optional<std::string> python_with_torch(const BenchTrainArguments& options) {
   const std::vector<std::string> candidates =
       options.python.empty() ? std::vector<std::string>{"python3", "/usr/bin/python3"} : std::vector<std::string>{options.python};
@@ -78,9 +78,9 @@ nlohmann::json ask_torch(const std::string& python, const std::string& script, c
 void add_training(const RunConfig& config, const BenchTrainArguments& options, const std::filesystem::path& folder,
                   const BenchJson& setting, BenchReport& report) {
   const TrainingSpeed speed = measure_training(config, options.quick ? 0.1 : 5 * options.seconds, folder.string());
-  const auto one = [](double value) { return Measured{value, value, value}; };
+  const auto single_value = [](double value) { return Measured{value, value, value}; };
   const double steps = static_cast<double>(speed.steps);
-  report.add("train.steps_per_s", "1/s", one(steps / speed.wall_s), setting);
+  report.add("train.steps_per_s", "1/s", single_value(steps / speed.wall_s), setting);
   const StageTimes& s = speed.stages;
   const std::array<std::pair<const char*, double>, 6> stages{{{"sound", s.simulate_sound},
                                                               {"convolve", s.convolve},
@@ -89,7 +89,7 @@ void add_training(const RunConfig& config, const BenchTrainArguments& options, c
                                                               {"policy", s.policy},
                                                               {"learn", s.learn + s.reduce}}};
   for (const auto& [name, seconds] : stages)
-    report.add(fmt::format("train.stage_ms.{}", name), "ms per step", one(1e3 * seconds / steps), setting);
+    report.add(fmt::format("train.stage_ms.{}", name), "ms per step", single_value(1e3 * seconds / steps), setting);
 }
 
 void run(BenchTrainArguments options) {
@@ -126,7 +126,7 @@ void run(BenchTrainArguments options) {
   if (!options.quick) test.warm_up();
   std::vector<double> rate, wall_rate, forward, backward, step, other, actor, torch_rate, torch_wall_rate, ratio;
   std::string torch_version;
-  for (int repeat = 0; repeat < options.repeats; ++repeat) {  // A B A B: what else the machine does meets both
+  for (int repeat = 0; repeat < options.repeats; ++repeat) {  // A B A B: other load of the machine affects both
     const LearnerSpeed speed = test.measure(options.seconds);
     rate.push_back(speed.samples_per_cpu_s);
     wall_rate.push_back(speed.samples_per_s);

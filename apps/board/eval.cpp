@@ -51,10 +51,10 @@ void use_training_set(const RunConfig& config, EvaluationConfig& evaluation) {
 /// Largest file of a policy that a benchmark takes; that of configs/policies has 2 MB, one of the published sizes 20 MB.
 constexpr std::size_t kMaxPolicyBytes = std::size_t{64} << 20;
 
-/// What an evaluation needs, whatever process runs it.
+/// Inputs of an evaluation, for any process that runs it.
 struct Plan {
   std::optional<Baseline> baseline;
-  std::filesystem::path checkpoint;  ///< where it is no baseline
+  std::filesystem::path checkpoint;  ///< unless it is a baseline
   RunConfig config;
   EvaluationConfig evaluation;
   std::vector<std::string> trained_sounds;
@@ -110,7 +110,7 @@ void refuse_larger_network(const PolicyConfig& policy, std::size_t bytes, const 
                      "export the policy again (earshot policy)");
 }
 
-/// A policy on a benchmark: its network and its choice of sensors are its own, what they show is the benchmark's.  Paths in its config are
+/// A policy on a benchmark: the policy chooses network and sensors, the benchmark the settings of the sensors.  Paths in its config are
 /// not looked at.
 void enter_policy(Plan& plan, const Benchmark& benchmark, bool anything) {
   const std::string where = plan.checkpoint.string();
@@ -192,7 +192,7 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
     if (plan.config.env.stage_limit_s > 0)
       throw InputError("--workers", "cannot be combined with env.stage_limit_s: the time limit would end other episodes under another load",
                        "set env.stage_limit_s=0, or evaluate with --workers 1");
-    static_cast<void>(load_evaluated_set(plan.evaluation));  // what is wrong with it is said once
+    static_cast<void>(load_evaluated_set(plan.evaluation));  // reports its errors once
     int exit_code = 0;
     result = evaluate_with_workers(options.workers, arguments, exit_code);
     if (exit_code != 0) return exit_code;

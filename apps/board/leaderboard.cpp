@@ -115,7 +115,7 @@ void check_names(const std::vector<EvaluationResult>& results, const std::vector
                          "evaluate one of them again with another --name");
 }
 
-/// What the numbers of each rest on: those who keep the board know which policies they have run.
+/// Evidence for the numbers of each row: maintainers know which policies they have run.
 void note_evidence_of_all(std::vector<EvaluationResult>& results, const std::vector<std::string>& run_here,
                           const std::vector<PrivateScore>& hidden) {
   for (EvaluationResult& result : results) {

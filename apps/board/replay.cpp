@@ -41,7 +41,7 @@ void replay_quarantined(const ReplayArguments& options) {
   fmt::print("recurs      {}\n", outcome.recurs ? "yes" : "no");
 }
 
-/// What the agent is to see and hear by: the policy's own config, that of a file, or a benchmark's for baselines.
+/// Sensor settings for the agent: the policy's own config, that of a file, or a benchmark's for baselines.
 RunConfig sensing_config(const ReplayArguments& options) {
   if (!options.policy.empty()) {
     const auto checkpoint = find_checkpoint(options.policy);

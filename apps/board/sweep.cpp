@@ -37,7 +37,7 @@ struct SweepArguments {
   bool report = false;
 };
 
-/// Beside a run's folder: what it was started with, and that it has ended as its config says.
+/// Beside a run's folder: its config and a mark that it ended as its config says.
 std::filesystem::path file_beside(const SweepRun& run, const char* ending) { return run.folder.string() + ending; }
 std::filesystem::path result_of(const SweepRun& run) { return file_beside(run, ".result.json"); }
 std::filesystem::path log_of(const SweepRun& run) { return file_beside(run, ".log"); }
@@ -48,7 +48,7 @@ std::string settings_of(const SweepConfig& sweep, const SweepRun& run) {
   return text + config_text(run.config);
 }
 
-/// What a result was made with: another list of changes makes another result.
+/// Settings of a result: another list of changes makes another result.
 std::filesystem::path evaluated_with(const SweepRun& run) { return file_beside(run, ".evaluated"); }
 std::string evaluation_settings(const SweepConfig& sweep) {
   std::string text;
@@ -136,15 +136,16 @@ void throw_if_stopped() {
   if (StopSignals::received()) throw SweepStopped();
 }
 
-void expect_done(int status, const std::string& what, const std::filesystem::path& log) {
+void expect_done(int status, const std::string& command, const std::filesystem::path& log) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == kExitDone) return;
   if (WIFSIGNALED(status) || is_orderly_end(WEXITSTATUS(status))) throw_if_stopped();
-  if (WIFEXITED(status) && is_orderly_end(WEXITSTATUS(status))) throw RunError(what, "was stopped by a signal; the same command goes on");
+  if (WIFEXITED(status) && is_orderly_end(WEXITSTATUS(status)))
+    throw RunError(command, "was stopped by a signal; the same command goes on");
   if (WIFSIGNALED(status))
-    throw RunError(what, fmt::format("was killed by signal {} ({}); see its output in {}, then run the same command again to continue",
-                                     WTERMSIG(status), ::strsignal(WTERMSIG(status)), log.string()));
-  throw RunError(what, fmt::format("failed with code {}: {}; see its output in {}, then run the same command again to continue",
-                                   WEXITSTATUS(status), last_line(log), log.string()));
+    throw RunError(command, fmt::format("was killed by signal {} ({}); see its output in {}, then run the same command again to continue",
+                                        WTERMSIG(status), ::strsignal(WTERMSIG(status)), log.string()));
+  throw RunError(command, fmt::format("failed with code {}: {}; see its output in {}, then run the same command again to continue",
+                                      WEXITSTATUS(status), last_line(log), log.string()));
 }
 
 /// A run of a sweep that was changed since is another run: its curve would be of two.

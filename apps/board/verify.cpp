@@ -62,12 +62,12 @@ void run_verify(VerifyArguments options) {
       note(file, verified, benchmark->rules_hash);
       continue;
     }
-    const EpisodeSet own = set_of_all ? EpisodeSet{} : load_episode_set(result.episodes_file);
+    const EpisodeSet result_set = set_of_all ? EpisodeSet{} : load_episode_set(result.episodes_file);
     if (!config && result.rules.empty())
       throw InputError(file, "does not contain its rules: an older version wrote it",
                        "give the config of the run with --config, or evaluate the agent again");
     const MetricRules rules = config ? rules_for(result.rules, metric_rules(config->env, config->eval_envs)) : result.rules;
-    const Verification verified = verify_result(result, file, set_of_all ? *set_of_all : own, rules, options.verify);
+    const Verification verified = verify_result(result, file, set_of_all ? *set_of_all : result_set, rules, options.verify);
     fmt::print("{}", verified_line(file, verified, config ? "of " + options.config : "hash " + hash_of_rules(rules) + ", its own"));
     note(file, verified, hash_of_rules(rules));
   }

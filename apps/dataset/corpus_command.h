@@ -16,7 +16,7 @@ struct CorpusTarget {
   int threads = 0;
 };
 
-/// --out, and further down in what --help says, --threads and --shard.  `parts`: what a shard is one of.
+/// --out, and further down in what --help says, --threads and --shard.  `parts`: unit that shards divide.
 void add_out_option(CLI::App& command, CorpusTarget& target);
 void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::string& parts = "for N machines");
 
@@ -25,7 +25,7 @@ void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::str
 double write_with_progress(const CorpusTarget& target, const std::string& command, const std::string& unit,
                            const std::function<void(const CorpusRun& run)>& write);
 
-/// Says what the corpus has, where it is complete, or else how many folders other shards have yet to write.
+/// Prints the content of a complete corpus, or the number of folders that other shards have yet to write.
 void print_state(const CorpusTarget& target, std::size_t folders_missing, const std::string& complete);
 
 }  // namespace earshot

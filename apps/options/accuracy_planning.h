@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// The cheapest way to what --accuracy asks for, for `poses` responses of the source at such places; shows progress and prints the choice.
+/// The cheapest settings that meet --accuracy, for `poses` responses of the source at such places; shows progress and prints the choice.
 AccuracyPlan plan_and_print(const AcousticScene& acoustics, const AccuracyTarget& target, const SoundSource& source,
                             const std::vector<glm::vec3>& places, double poses);
 

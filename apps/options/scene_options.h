@@ -12,13 +12,13 @@ namespace earshot {
 
 /// How the coordinates of mesh files are read: --unit and --up.
 struct AxesOptions {
-  std::optional<double> unit_m;   ///< default: what the scene says
-  std::optional<std::string> up;  ///< y or z; default: what the scene says
+  std::optional<double> unit_m;   ///< default: from the scene
+  std::optional<std::string> up;  ///< y or z; default: from the scene
 
   void add_to(CLI::App& command);
   [[nodiscard]] std::optional<MeshImportOptions::Up> up_axis() const;
-  /// The SCENEs with these choices added to each (mesh_spec.h).  Throws InputError where a choice is given and one names no mesh file, or
-  /// there is none.
+  /// The SCENEs with these choices added to each (mesh_spec.h).  Throws InputError if an option is set and a scene is not a mesh file, or
+  /// there is no scene.
   [[nodiscard]] std::vector<std::string> applied_to(std::vector<std::string> scenes) const;
 };
 

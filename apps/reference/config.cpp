@@ -18,7 +18,7 @@ struct ConfigArguments {
   bool markdown = false;
 };
 
-/// Characters of a line of the terminal; 100 where there is none.
+/// Width of the terminal in characters; 100 without a terminal.
 std::size_t terminal_width() {
   constexpr std::size_t without_terminal = 100;
   winsize size{};

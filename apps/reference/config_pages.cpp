@@ -109,8 +109,8 @@ std::vector<KeyGroup> sections_named(const ConfigKind& kind, const std::string& 
 /// All that is told of one key, without the kinds that have it.
 std::string one_key_text(const ConfigKey& key, std::size_t width) {
   std::string text = wrapped(key.about, 2, width);
-  const auto add = [&](const char* what, const std::string& value) {
-    if (!value.empty()) text += fmt::format("  {:<9}{}\n", what, value);
+  const auto add = [&](const char* label, const std::string& value) {
+    if (!value.empty()) text += fmt::format("  {:<9}{}\n", label, value);
   };
   add("type", type_text(key));
   add("default", default_text(key));
@@ -176,7 +176,7 @@ std::string reference_text(const std::vector<ConfigKind>& reference, std::size_t
 
 std::string key_text(const std::vector<ConfigKind>& reference, const std::string& name, std::size_t width) {
   width = std::max(width, kMinWidth);
-  std::vector<std::pair<std::string, std::vector<std::string>>> answers;  // what is told, and the kinds of which it is
+  std::vector<std::pair<std::string, std::vector<std::string>>> answers;  // the description, and the kinds that it applies to
   const auto add = [&](const std::string& answer, const std::string& kind) {
     const auto known = std::ranges::find_if(answers, [&](const auto& other) { return other.first == answer; });
     if (known == answers.end())

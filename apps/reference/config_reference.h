@@ -11,7 +11,7 @@ namespace earshot {
 /// A kind of config file with all of its keys, sections among them, in the order of its reader.
 struct ConfigKind {
   std::string name;   ///< "run config"
-  std::string about;  ///< what it is for and which commands read it
+  std::string about;  ///< its purpose and the commands that read it
   std::vector<ConfigKey> keys;
 };
 
@@ -30,7 +30,7 @@ struct KeyGroup {
 std::vector<KeyGroup> groups_of(const ConfigKind& kind);
 /// The part of a key's name behind its section.
 std::string name_in_section(const ConfigKey& key);
-/// The key nearest to a name that is none; empty if none is near.
+/// The key most similar to an unknown name; empty if none is similar.
 std::string nearest_key(const std::vector<ConfigKind>& reference, const std::string& name);
 
 }  // namespace earshot

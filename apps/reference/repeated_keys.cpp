@@ -30,10 +30,10 @@ ShownSection section_with(const KeyGroup& group, const std::vector<ConfigKey>& b
   for (const ConfigKey& key : before)
     if (find_key(group.keys, key) == nullptr) section.left_out.push_back(name_in_section(key));
   for (const ConfigKey& key : group.keys) {
-    const ConfigKey* same = find_key(before, key);
-    if (same == nullptr)
+    const ConfigKey* repeated = find_key(before, key);
+    if (repeated == nullptr)
       section.own.push_back(key);
-    else if (same->default_value != key.default_value)
+    else if (repeated->default_value != key.default_value)
       section.redefined.push_back(key);
   }
   return section;

@@ -44,7 +44,7 @@ struct RirArguments {
   bool components = false;
 };
 
-/// A part of a response: what kinds of arrivals, and whether the late field.
+/// A part of a response: kinds of arrivals, and whether the late field is included.
 struct Component {
   const char* name;
   std::optional<ArrivalKind> kind;  ///< nullopt: the late field
@@ -95,7 +95,8 @@ class PairRenderer {
       omni_.emplace(AcousticOptions::omni_tables(acoustics));
   }
 
-  /// planned: what the synthesizer's tables fit.  field: of the source; null: the late field is traced.  warnings: of the scene and places.
+  /// planned: the response that the synthesizer's tables fit.  field: of the source; null: the late field is traced.  warnings: of the
+  /// scene and places.
   OrderedJson render(const AcousticScene& planned, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
                      double heading_deg, const std::string& file, std::vector<std::string> warnings) {
     const ListenerOrientation orientation = options_.acoustics.orientation(heading_deg, options_.pitch_deg, options_.roll_deg);
@@ -181,7 +182,7 @@ class PairRenderer {
 
   const RirArguments& options_;
   RirSynthesizer synthesizer_;
-  std::optional<RirSynthesizer> omni_;  ///< of metrics where the channels are no omnidirectional microphone
+  std::optional<RirSynthesizer> omni_;  ///< of metrics if no channel is an omnidirectional microphone
 };
 
 std::shared_ptr<const SourceField> field_of(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::size_t responses) {
@@ -214,7 +215,7 @@ void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
         throw InputError("--set " + setting, "has no effect on single responses", "leave it out, or use it with 'earshot walk'");
 }
 
-/// Each line once: what is odd about a source is the same for all listeners.
+/// Each line once: warnings about a source are the same for all listeners.
 void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vector<std::vector<std::string>>& place_warnings) {
   for (const std::string& warning : odd_in_scene) print_warning(warning);
   std::set<std::string_view> printed;
@@ -251,7 +252,7 @@ void run_rir(const RirArguments& options) {
 
   const std::vector<std::vector<std::string>> place_warnings = check_places(acoustics, sources, places);
   const std::vector<std::string> odd_in_scene = scene_warnings(scene);
-  PairRenderer renderer(options, acoustics);  // what is wrong with its files shows before the planner takes its time
+  PairRenderer renderer(options, acoustics);  // errors of its files appear before the slow planner runs
   std::vector<std::optional<AccuracyPlan>> plans(sources.size());
   for (std::size_t s = 0; target && s < sources.size(); ++s)
     plans[s] = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));

@@ -17,7 +17,7 @@ OrderedJson stated_error(const std::vector<double>& values) {
   return error ? OrderedJson(*error * student_factor(static_cast<double>(values.size()) - 1)) : OrderedJson(nullptr);
 }
 
-/// One trace from the listener holds no eight independent parts: up to 256 rays are weighed against each other (population_control.h),
+/// One trace from the listener does not have eight independent parts: up to 256 rays are weighed against each other (population_control.h),
 /// which leaves four such populations of the preset `balanced`, and all rays follow one sequence of directions (SphereSequence).
 OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
   constexpr int batches = 8;
@@ -47,7 +47,7 @@ OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCand
   return json;
 }
 
-/// What photons leave: their relative error of T20, known as a mean over bands and places.
+/// Noise of the photons: their relative error of T20, a mean over bands and places.
 OrderedJson errors_of_field(const AcousticScene& acoustics, const SourceField& field, const EnergyResponse& response) {
   OrderedJson json = {{"rt60_s", OrderedJson::array()}, {"t20_s", OrderedJson::array()}};
   for (const BandMetrics& band : measure(acoustics, response).bands) {
@@ -92,9 +92,9 @@ void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout&
   if (layout.kind != ListenerKind::binaural && layout.kind != ListenerKind::array) return;
   OrderedJson& channels = json[layout.kind == ListenerKind::binaural ? "ears" : "microphones"] = OrderedJson::object();
   for (std::size_t i = 0; i < names.size(); ++i) {
-    OrderedJson one = metrics_json(measure(heard.channel(static_cast<int>(i)), heard.sample_rate_hz, delay_s));
-    for (const char* key : {"iacc", "iacc_early", "iacc_late"}) one.erase(key);
-    channels[names[i]] = std::move(one);
+    OrderedJson channel_metrics = metrics_json(measure(heard.channel(static_cast<int>(i)), heard.sample_rate_hz, delay_s));
+    for (const char* key : {"iacc", "iacc_early", "iacc_late"}) channel_metrics.erase(key);
+    channels[names[i]] = std::move(channel_metrics);
   }
 }
 

@@ -26,11 +26,11 @@ void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout&
                         double delay_s, OrderedJson& json);
 /// Standard errors per band of rt60_s, edt_s, t20_s, t30_s, c50_db, c80_db, g_db and drr_band_db.  From the batches of a bidirectional
 /// response; otherwise by repetition: eight traces with an eighth of the rays and seeds of their own, whose mean spreads as one trace with
-/// all rays.  Empty if there are too few rays to say. With the late field gathered from `field`: of rt60_s and t20_s only, by its own
+/// all rays.  Empty with too few rays. With the late field gathered from `field`: of rt60_s and t20_s only, by its own
 /// estimate.
 OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                                  glm::vec3 listener, const EnergyResponse& response);
-/// What was asked for, what the choice is predicted to keep and to cost, and all that was tried (docs/reference/json_output.md, section 1).
+/// The request, the predicted error and cost of the choice, and all candidates tried (docs/reference/json_output.md, section 1).
 OrderedJson accuracy_json(const AccuracyTarget& target, const AccuracyPlan& plan);
 
 }  // namespace earshot

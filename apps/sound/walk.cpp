@@ -90,7 +90,7 @@ AcousticScene planned(const WalkArguments& options, const AcousticScene& acousti
     throw InputError("--accuracy", "works with one static source only", "give a single --source, or leave out --accuracy");
   if (options.refine_every > 0 || acoustics.config().temporal_reuse == Switch::on)
     throw InputError("--accuracy", "cannot be combined with --refine-every or temporal_reuse=on", "leave out either these or --accuracy");
-  static_cast<void>(make_sources(options, acoustics, 1));  // what is wrong with its sounds shows before the planner takes its time
+  static_cast<void>(make_sources(options, acoustics, 1));  // errors of its sounds appear before the slow planner runs
   SoundSource source = options.radiation.source(0, 1, acoustics.scene().to_local(parse_point(options.sources[0], "--source")));
   std::vector<glm::vec3> places;
   for (std::size_t i = 0; i < num_moments; ++i) {
@@ -131,7 +131,7 @@ WalkTimes times_of(const WalkArguments& options, float sample_rate_hz) {
   return times;
 }
 
-/// What is odd about the scene, and about the places at the ends of the blocks.
+/// Warnings about the scene, and about the places at the ends of the blocks.
 std::vector<std::string> find_oddities(const WalkArguments& options, const AcousticScene& acoustics, const WalkTimes& times) {
   std::vector<std::vector<TimedPose>> sources;
   for (const std::string& source : options.sources) sources.push_back({{.t_s = 0, .position = parse_point(source, "--source")}});

@@ -60,7 +60,7 @@ class WalkSource {
   /// block_samples: of the longest block.
   WalkSource(WalkSourceSetup setup, int block_samples);
 
-  /// Of a source at rest: what belongs to it and not to the pose.  Once, before begin().
+  /// Prepares the parts of a source at rest that do not depend on the pose.  Once, before begin().
   void prepare(const AcousticScene& acoustics, SourceFieldStore& fields);
   /// The moment at which the first block begins.  glider: made for blocks of block_samples.
   void begin(const AcousticScene& acoustics, RirSynthesizer& synthesizer, PathGlider& glider, const WalkMoment& start);

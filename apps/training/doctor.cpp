@@ -174,7 +174,7 @@ Finding check_reader() {
   return {State::bad, fmt::format("{} does not answer; {}", program.string(), remedy)};
 }
 
-/// What tests read that no package and no source has.
+/// Test data that neither a package nor the source contains.
 Finding check_test_data() {
   const char* named = std::getenv("EARSHOT_DATA");
   const std::filesystem::path folder = named ? std::filesystem::path(named) : std::filesystem::path(EARSHOT_SOURCE_DIR) / "../shared/data";
@@ -192,11 +192,11 @@ Finding check_test_data() {
 void run_doctor(const std::string& json) {
   int bad = 0;
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  const auto print = [&](const char* what, const Finding& finding) {
+  const auto print = [&](const char* check, const Finding& finding) {
     constexpr const char *words[] = {"ok", "SLOW", "none", "BAD"}, *names[] = {"ok", "slow", "absent", "bad"};
-    fmt::print("{:<5} {:<10} {}\n", words[static_cast<int>(finding.state)], what, finding.text);
+    fmt::print("{:<5} {:<10} {}\n", words[static_cast<int>(finding.state)], check, finding.text);
     bad += finding.state == State::bad;
-    rows.push_back({{"what", what}, {"state", names[static_cast<int>(finding.state)]}, {"text", finding.text}});
+    rows.push_back({{"what", check}, {"state", names[static_cast<int>(finding.state)]}, {"text", finding.text}});
   };
   print("earshot", {State::ok, kVersion});
   print("CPU", {State::ok, fmt::format("{}, {} cores for this process", cpu_model(), std::thread::hardware_concurrency())});
