@@ -34,13 +34,13 @@ std::vector<std::string> values_of(const AccuracyStudy& study, const std::string
   return values;
 }
 
-AccuracyStudy only(const AccuracyStudy& study, const std::string& scene) {
-  AccuracyStudy one;
+AccuracyStudy select_scene(const AccuracyStudy& study, const std::string& scene) {
+  AccuracyStudy selected;
   for (const SceneFacts& facts : study.scenes)
-    if (facts.name == scene) one.scenes.push_back(facts);
+    if (facts.name == scene) selected.scenes.push_back(facts);
   for (const ModeResult& result : study.results)
-    if (result.scene == scene) one.results.push_back(result);
-  return one;
+    if (result.scene == scene) selected.results.push_back(result);
+  return selected;
 }
 
 PlotPoint point_of(const AccuracyStudy& study, const std::string& sweep, const std::string& value, ErrorKind kind) {
@@ -99,13 +99,14 @@ std::string pareto_figure(const AccuracyStudy& study) {
 std::string scenes_figure(const AccuracyStudy& study) {
   std::vector<PlotPanel> panels;
   for (const SceneFacts& facts : study.scenes) {
-    const AccuracyStudy one = only(study, facts.name);
+    const AccuracyStudy scene_study = select_scene(study, facts.name);
     const bool decays = std::isfinite(facts.rt60_s);
-    PlotPanel panel = decays ? front_panel(one, fmt::format("{}: {} triangles, RT60 {:.2g} s", facts.name, facts.triangles, facts.rt60_s),
-                                           ErrorKind::t20, "mean |T20 error|, %", {5, "just heard: 5 %"})
-                             : front_panel(one, fmt::format("{}: {} triangles, no decay time", facts.name, facts.triangles),
-                                           ErrorKind::spectral_db, "spectrogram, rms dB", {1, "just heard: 1 dB"});
-    if (decays) add_truth_level(panel, one);
+    PlotPanel panel =
+        decays ? front_panel(scene_study, fmt::format("{}: {} triangles, RT60 {:.2g} s", facts.name, facts.triangles, facts.rt60_s),
+                             ErrorKind::t20, "mean |T20 error|, %", {5, "just heard: 5 %"})
+               : front_panel(scene_study, fmt::format("{}: {} triangles, no decay time", facts.name, facts.triangles),
+                             ErrorKind::spectral_db, "spectrogram, rms dB", {1, "just heard: 1 dB"});
+    if (decays) add_truth_level(panel, scene_study);
     panels.push_back(std::move(panel));
   }
   return plot_svg("What accuracy costs in time, scene by scene", fmt::format("± one standard error over poses; {}, one thread", machine()),

@@ -10,7 +10,7 @@ namespace earshot {
 
 /// One way to render, as one row of the study.
 struct AccuracyMode {
-  std::string sweep;      ///< what is varied: "preset", "rays", "photons", ...
+  std::string sweep;      ///< the varied setting: "preset", "rays", "photons", ...
   std::string value;      ///< of it
   std::string method;     ///< "path tracer", "source field", "bidirectional", or "plan's choice" between the first two
   AcousticConfig config;  ///< one thread; rir_length_s = 0: as long as the scene needs, unless the length is what is varied

@@ -154,8 +154,9 @@ std::string promises_markdown(const std::vector<PromiseScene>& scenes) {
         text += fmt::format("| {} | {} | refused | - | - | no | - | - | {} | - |\n", scene.name, promise.target.text(), promise.preset);
         continue;
       }
-      const auto errors = [&](const AccuracyErrors& of) {
-        return fmt::format("{} / {} / {}", cell(of, AccuracyKind::t20), cell(of, AccuracyKind::drr), cell(of, AccuracyKind::edc));
+      const auto errors = [&](const AccuracyErrors& measured) {
+        return fmt::format("{} / {} / {}", cell(measured, AccuracyKind::t20), cell(measured, AccuracyKind::drr),
+                           cell(measured, AccuracyKind::edc));
       };
       const AccuracyChoice& choice = promise.plan->choice();
       const int count = choice.config.field == Switch::on ? choice.config.field_photons : choice.config.rays;

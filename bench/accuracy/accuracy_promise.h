@@ -17,7 +17,7 @@ struct PromiseOptions {
   std::vector<std::string> targets;  ///< in place of 2, 5 (with 1 dB of DRR and EDC) and 10 % of T20
 };
 
-/// A target in a scene: what was promised, predicted and measured.
+/// A target in a scene: promised, predicted and measured errors.
 struct KeptPromise {
   std::string scene;
   AccuracyTarget target;

@@ -35,7 +35,7 @@ constexpr double kEnoughT20Error = 0.005;
 
 /// Rounds where the truth is noisiest, after one in every scene, until the time is spent or all are known well enough.
 void make_truths(std::vector<std::unique_ptr<StudyScene>>& scenes, double seconds,
-                 const std::function<void(double fraction, const std::string& what)>& tell) {
+                 const std::function<void(double fraction, const std::string& stage)>& tell) {
   const Stopwatch watch;
   std::vector<double> errors(scenes.size(), std::numeric_limits<double>::infinity());
   for (;;) {
@@ -78,8 +78,8 @@ AccuracyStudy run_accuracy_study(const AccuracyOptions& options) {
   constexpr std::uint64_t permille = 1000;
   Progress progress("accuracy", "permille", permille);
   const Stopwatch watch;
-  const auto tell = [&](const std::string& what) {
-    progress.update(static_cast<std::uint64_t>(permille * std::min(watch.wall_s() / all_s, 1.0)), what);
+  const auto tell = [&](const std::string& stage) {
+    progress.update(static_cast<std::uint64_t>(permille * std::min(watch.wall_s() / all_s, 1.0)), stage);
   };
   // First what needs a small process or the user's own commands, which may be refused.
   study.engines = compare_engines(options.engines, options.quick, tell);
@@ -88,12 +88,13 @@ AccuracyStudy run_accuracy_study(const AccuracyOptions& options) {
   std::vector<std::unique_ptr<StudyScene>> scenes;
   for (const SceneName& scene : study_scenes(options.quick))
     scenes.push_back(std::make_unique<StudyScene>(scene, num_poses, options.quick ? kTruthRays / 4 : kTruthRays));
-  make_truths(scenes, kTruthFraction * all_s, [&](double, const std::string& what) { tell(what); });
+  make_truths(scenes, kTruthFraction * all_s, [&](double, const std::string& stage) { tell(stage); });
 
   for (std::size_t s = 0; s < scenes.size(); ++s) {
     const std::string name = scenes[s]->scene().name;
     study.scenes.push_back(scenes[s]->finish_truth());
-    // What is left is dealt out anew, so that a slow scene takes from those after it and not from the end; never less than a fifth of an
+    // The remaining time is divided anew, so that a slow scene takes time from all later ones and not only from the last; never less than a
+    // fifth of an
     // equal part.
     const double modes_s = (1 - kTruthFraction) * all_s / static_cast<double>(scenes.size());
     const double scene_s = std::max((all_s - watch.wall_s()) / static_cast<double>(scenes.size() - s), 0.2 * modes_s);

@@ -64,7 +64,7 @@ struct AccuracyOptions {
   std::function<void(const AccuracyStudy&)> after_scene = {};  ///< with what there is so far: a study that is cut short leaves its files
 };
 
-/// Question: what does accuracy cost in time?  Every mode in every scene against a truth in two halves.  Throws InputError if an engine
+/// Question: how much time does accuracy cost?  Every mode in every scene against a truth in two halves.  Throws InputError if an engine
 /// breaks the protocol.
 AccuracyStudy run_accuracy_study(const AccuracyOptions& options);
 

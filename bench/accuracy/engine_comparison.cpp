@@ -53,11 +53,11 @@ std::vector<OwnSetting> own_settings(const ShoeboxRoom& room, bool quick) {
   }
   for (const int rays : quick ? std::vector<int>{} : std::vector<int>{256, 1024, 4096}) {
     AcousticConfig config = acoustic_preset("high");
-    const AcousticConfig own = own_config(room);
-    config.threads = own.threads;
-    config.rir_length_s = own.rir_length_s;
-    config.scattering = own.scattering;
-    config.air_absorption = own.air_absorption;
+    const AcousticConfig room_config = own_config(room);
+    config.threads = room_config.threads;
+    config.rir_length_s = room_config.rir_length_s;
+    config.scattering = room_config.scattering;
+    config.air_absorption = room_config.air_absorption;
     config.rays = rays;
     config.source_rays = rays / 4;
     settings.push_back({"earshot, both ends", fmt::format("{} rays, images 4", rays), config});
@@ -238,7 +238,7 @@ EnginePoint judge_responses(const std::vector<std::vector<RoomMetrics>>& exact, 
 }
 
 EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool quick,
-                                 const std::function<void(const std::string& what)>& progress) {
+                                 const std::function<void(const std::string& stage)>& progress) {
   EngineComparison comparison;
   comparison.rooms = comparison_rooms(quick);
   comparison.energies = exact_metrics(comparison.rooms);

@@ -19,7 +19,7 @@ struct EnginePoint {
   double ms = 0;                       ///< per response as measured, mean over the rooms
   std::vector<ErrorSummary> t20 = {};  ///< per octave, fractions
   ErrorSummary t20_all = {}, c50_db = {}, drr_db = {};
-  /// The same against the exact pressure of the images, which interfere: what is right for an engine that adds pressures.
+  /// The same against the exact pressure of the interfering images: the reference for an engine that adds pressures.
   ErrorSummary pressure_t20 = {}, pressure_c50_db = {}, pressure_drr_db = {};
 };
 
@@ -41,7 +41,7 @@ std::vector<EngineCommand> usual_engines();
 /// engine at several times per response.  All render one channel of the same rate and length; T20, C50 and DRR are measured on those
 /// samples by one estimator.  Warm, one thread.  Throws InputError as ask_engine.
 EngineComparison compare_engines(const std::vector<EngineCommand>& engines, bool quick,
-                                 const std::function<void(const std::string& what)>& progress = {});
+                                 const std::function<void(const std::string& stage)>& progress = {});
 
 /// A table; empty without points.
 std::string engines_markdown(const EngineComparison& comparison);

@@ -25,12 +25,12 @@ namespace {
 
 using nlohmann::json;
 
-[[noreturn]] void refuse(const EngineCommand& engine, const std::string& what) {
-  throw InputError("engine " + engine.name, what,
+[[noreturn]] void refuse(const EngineCommand& engine, const std::string& problem) {
+  throw InputError("engine " + engine.name, problem,
                    "see docs/evidence/accuracy.md for what a command must read and write, or leave the engine out");
 }
 
-/// What is said last, on one line.
+/// The last message, on one line.
 std::string last_line(const std::filesystem::path& log) {
   std::string text = std::filesystem::exists(log) ? read_file(log, std::size_t{1} << 26) : std::string();
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
@@ -47,7 +47,7 @@ int run_shell(const EngineCommand& engine, const std::string& command, const std
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&actions, 1, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
   posix_spawn_file_actions_adddup2(&actions, 1, 2);
-  // A group of its own: what the shell has started ends with it.
+  // A separate process group: processes of the shell end with it.
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   posix_spawnattr_setpgroup(&attributes, 0);
   std::string shell = "sh", option = "-c", script = command;
@@ -62,7 +62,7 @@ int run_shell(const EngineCommand& engine, const std::string& command, const std
   for (;;) {
     const pid_t ended = ::waitpid(child, &status, WNOHANG);
     if (ended == child) {
-      ::kill(-child, SIGKILL);  // what it has left in the background
+      ::kill(-child, SIGKILL);  // its background processes
       break;
     }
     if (ended < 0 && errno != EINTR) refuse(engine, "was lost: waitpid failed");

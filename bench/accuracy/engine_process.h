@@ -17,22 +17,23 @@ struct EngineCommand {
   static EngineCommand parse(const std::string& text);
 };
 
-/// What an engine gave for one room.
+/// Result of an engine for one room.
 struct EngineAnswer {
-  bool available = true;      ///< false: what it needs is not installed; `note` says what
+  bool available = true;      ///< false: a dependency is not installed; `note` names it
   std::string setting, note;  ///< in its own words
   double seconds_per_response = 0;
   std::vector<std::vector<float>> responses;  ///< by listener, at the room's rate
 };
 
-/// The exit code by which an engine says that what it needs is absent (sysexits.h, EX_UNAVAILABLE).
+/// Exit code of an engine for a missing dependency (sysexits.h, EX_UNAVAILABLE).
 inline constexpr int kEngineUnavailable = 69;
 
 /// A word of /bin/sh.
 std::string shell_quoted(const std::string& text);
 
 /// Runs `COMMAND REQUEST` with a room in a JSON file and reads what it wrote beside it, as documented in docs/evidence/accuracy.md. folder:
-/// must exist; files of that name are overwritten.  What the command has started ends with it.  Throws InputError, one line that names the
+/// must exist; files of that name are overwritten.  Processes that the command started end with it.  Throws InputError, one line that names
+/// the
 /// engine: it fails (unless it is optional), takes longer than timeout_s, or a file is missing or wrong.
 EngineAnswer ask_engine(const EngineCommand& engine, const ShoeboxRoom& room, double seconds_per_response,
                         const std::filesystem::path& folder, double timeout_s = 300);

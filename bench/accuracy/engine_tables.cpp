@@ -71,7 +71,7 @@ std::string engines_figure(const EngineComparison& comparison) {
   std::vector<PlotPanel> panels;
   for (const Kind& kind : kinds) {
     PlotPanel panel{.title = kind.title, .x_label = "ms per response on one thread", .y_label = kind.y_label, .levels = {kind.heard}};
-    std::size_t others = 0;
+    std::size_t num_others = 0;
     for (const EnginePoint& point : comparison.points) {
       if (!std::isfinite(point.ms)) {
         panel.levels.push_back({kind.scale * (point.*kind.error).rms, point.engine});
@@ -79,10 +79,10 @@ std::string engines_figure(const EngineComparison& comparison) {
       }
       auto series = std::ranges::find(panel.series, point.engine, &PlotSeries::name);
       if (series == panel.series.end()) {
-        const bool own = point.engine.starts_with("earshot,");
+        const bool is_earshot = point.engine.starts_with("earshot,");
         panel.series.push_back({.name = point.engine,
-                                .colour = own ? own_colour(point.engine) : colour_of(others++),
-                                .marker = own ? PlotMarker::circle : PlotMarker::star});
+                                .colour = is_earshot ? own_colour(point.engine) : colour_of(num_others++),
+                                .marker = is_earshot ? PlotMarker::circle : PlotMarker::star});
         series = std::prev(panel.series.end());
       }
       series->points.push_back({point.ms, kind.scale * (point.*kind.error).rms, kind.scale * (point.*kind.error).rms_error, ""});

@@ -119,7 +119,7 @@ double resident_bytes() {
   return resident_pages * static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
-ScalingStudy run_scaling_study(bool quick, const std::function<void(const std::string& what)>& progress) {
+ScalingStudy run_scaling_study(bool quick, const std::function<void(const std::string& stage)>& progress) {
   ScalingStudy study;
   study.sources_spec = kHouse + std::string(quick ? "" : kDetails[kSourcesDetail]);
   for (const char* detail : kDetails) {

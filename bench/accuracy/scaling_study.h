@@ -8,13 +8,13 @@
 
 namespace earshot {
 
-/// What a scene of some size costs under the preset `fast`, on one thread.
+/// Cost of a scene of a given size under the preset `fast`, on one thread.
 struct ScalingRow {
   std::string spec;
   std::size_t triangles = 0;
   double load_ms = 0;     ///< SCENE to triangles and BVH
   double prepare_ms = 0;  ///< surfaces, edges, effect plan, grid of the field
-  double memory_mb = 0;   ///< growth of resident memory by both, MB of 10^6 bytes; what the kernel had not given back before is not in it
+  double memory_mb = 0;   ///< growth of resident memory by both, MB of 10^6 bytes; without memory that the kernel had not returned before
   double per_source_ms = 0, per_rir_ms = 0;
 };
 
@@ -32,7 +32,7 @@ struct ScalingStudy {
 };
 
 /// Question: how do time and memory grow with triangles and sources?  Generated houses of one plan.  quick: the two smallest, two sources.
-ScalingStudy run_scaling_study(bool quick, const std::function<void(const std::string& what)>& progress = {});
+ScalingStudy run_scaling_study(bool quick, const std::function<void(const std::string& stage)>& progress = {});
 /// Two tables.
 std::string scaling_markdown(const ScalingStudy& study);
 

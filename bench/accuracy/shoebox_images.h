@@ -20,8 +20,8 @@ struct ShoeboxRoom {
 };
 
 /// The exact energy response of the box, as the sum of all its image sources up to the length (Allen and Berkley 1979, with the energies
-/// of images in place of their pressures), measured as a rendered response is (room_metrics.h): bins of 1 ms from the direct sound on, what
-/// arrives within 2.5 ms counts as direct.  O(images): 0.2 s for a million.  Throws InputError.
+/// of images in place of their pressures), measured as a rendered response is (room_metrics.h): bins of 1 ms from the direct sound on,
+/// arrivals within 2.5 ms count as direct.  O(images): 0.2 s for a million.  Throws InputError.
 RoomMetrics measure_images(const ShoeboxRoom& room, std::size_t listener);
 
 /// The pressure of all images at the room's rate: an impulse each, to a sixteenth of a sample, through octave filters whose amplitudes add

@@ -24,7 +24,7 @@ int samples_of(const AcousticScene& scene) {
   return static_cast<int>(std::lround(scene.config().rir_length_s * scene.config().sample_rate_hz));
 }
 
-/// Every how many-th of n from 0 on, so ordered that the first k of them are spread over all: by bisection.
+/// Every stride-th of n from 0 on, ordered by bisection, so that the first k of them are spread over all.
 std::vector<std::size_t> spread_out(std::size_t n, std::size_t stride) {
   std::vector<std::size_t> order;
   std::vector<bool> taken(n, false);
@@ -63,11 +63,11 @@ struct StudyScene::Draw {
   std::shared_ptr<const SourceField> field;
   double seconds = 0;  ///< candidates and field
 
-  Draw(AcousticScene of, glm::vec3 source) : Draw(std::move(of), source, Stopwatch()) {}
+  Draw(AcousticScene new_scene, glm::vec3 source) : Draw(std::move(new_scene), source, Stopwatch()) {}
 
  private:
-  Draw(AcousticScene of, glm::vec3 source, const Stopwatch& watch)
-      : scene(std::move(of)),
+  Draw(AcousticScene new_scene, glm::vec3 source, const Stopwatch& watch)
+      : scene(std::move(new_scene)),
         candidates(scene, source),
         field(uses_source_field(scene) ? build_source_field(scene, candidates) : nullptr),
         seconds(watch.wall_s()) {}
@@ -177,7 +177,7 @@ ModeErrors StudyScene::measure_errors(const AccuracyMode& mode, const std::array
 void StudyScene::measure_times(const Draw& draw, const Rendering& rendering, double budget_s, ModeResult& result) const {
   constexpr int blocks = 5;
   constexpr std::size_t stride = 7;  // prime to the walk's length: every block covers the whole walk
-  // From the first pose on, each stride-th, until the budget is spent, at least one: how many.
+  // Takes each stride-th pose until the budget is spent, at least one; returns their number.
   const auto render_some = [&](RirSynthesizer& synthesizer, EnergyResponse& response, Rir& rir, std::size_t first, double seconds) {
     const Stopwatch watch;
     int done = 0;

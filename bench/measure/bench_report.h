@@ -33,7 +33,7 @@ class BenchReport {
   std::vector<Result> results_;
 };
 
-/// Processor, cores, load at that time, compiler and build type: what a number without is worth nothing.
+/// Processor, cores, load at that time, compiler and build type, without which a number cannot be compared.
 BenchJson machine_json();
 
 }  // namespace earshot

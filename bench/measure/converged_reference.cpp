@@ -20,7 +20,7 @@ void append(const LateBatches& run, LateBatches& all) {
     all = run;
     return;
   }
-  // What chains may hold that no ray has found falls with the number of rays; a run may follow one that those before did not.
+  // The possible energy of undetected chains falls with the number of rays; a run may follow one that those before did not.
   const auto before = static_cast<float>(all.count), now = static_cast<float>(run.count);
   for (std::size_t i = 0; i < all.unseen.size(); ++i)
     all.unseen[i] = std::max(before * all.unseen[i], now * run.unseen[i]) / (before + now);
@@ -40,7 +40,8 @@ std::vector<std::optional<double>> relative(const std::vector<BandErrors>& error
 
 constexpr int kMinRuns = 2, kMaxRuns = 64;  // at a pose
 
-/// The pose whose standard error falls most by a further run, which takes 1 / (2 runs) of it; how many poses there are if all have enough.
+/// The pose whose standard error falls most by a further run, which removes 1 / (2 runs) of it; the number of poses if all have enough
+/// runs.
 std::size_t worst_known(const std::vector<ConvergedPose>& truth) {
   std::size_t worst = truth.size();
   double most = -1;
@@ -107,7 +108,7 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
   const Stopwatch watch;
   EnergyResponse run;
   const auto add_run = [&](std::size_t i) {
-    // Paths from the source of its own for each pose: what they err by is not common to all.
+    // Independent paths from the source for each pose: their errors are not common to all.
     const auto words = seeds.bits4(static_cast<std::uint32_t>(i) * kMaxRuns + static_cast<std::uint32_t>(truth[i].runs));
     const AcousticScene seeded = high.with_rays(high.config().rays, (std::uint64_t{words[0]} << 32) | words[1]);
     compute_energy_response(seeded, candidates, poses[i].ears(), run);

@@ -7,7 +7,7 @@
 
 namespace earshot {
 
-/// What the error of a response is told by.  Values of a band come one per octave, low to high.
+/// Metrics of the error of a response.  Values of a band come one per octave, low to high.
 enum class ErrorKind {
   t20,
   t30,

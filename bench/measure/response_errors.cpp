@@ -24,7 +24,7 @@ std::optional<double> root(const std::optional<double>& square) {
   return square ? std::optional(std::sqrt(std::max(*square, 0.0))) : std::nullopt;
 }
 
-/// Error of one item, with a sign unless it is a curve's; NaN where the test has none.  reference: not empty.
+/// Error of one item, with a sign unless it is a curve's; NaN if the test has no value.  reference: not empty.
 std::optional<double> item_error(ErrorKind kind, std::span<const double> test, std::span<const double> reference) {
   const ErrorKindFacts& facts = facts_of(kind);
   if (facts.curve) return root(difference_product(kind, test, test, reference, reference));
@@ -142,11 +142,14 @@ ErrorSummary summarise(std::span<const TruthValues> truth, std::span<const Drawn
   ErrorSummary summary = summarise_sizes(errors_by_pose(truth, test, kind, band), !facts_of(kind).curve);
   PlaceMean square(truth.size()), bias(truth.size()), variance(truth.size());
   for_items(truth, kind, band, [&](std::size_t p, std::size_t i) {
-    const auto &one = test[p][0].of(kind), &two = test[p][1].of(kind), &a = truth[p].first.of(kind), &b = truth[p].second.of(kind);
-    if (one.empty() || two.empty()) return;
-    if (!facts_of(kind).curve && (one[i].empty() || two[i].empty())) return;
-    const auto of_one = difference_product(kind, one[i], one[i], a[i], b[i]), of_two = difference_product(kind, two[i], two[i], a[i], b[i]);
-    const auto crossed = difference_product(kind, one[i], two[i], a[i], b[i]), back = difference_product(kind, two[i], one[i], a[i], b[i]);
+    const auto &first_run = test[p][0].of(kind), &second_run = test[p][1].of(kind), &a = truth[p].first.of(kind),
+               &b = truth[p].second.of(kind);
+    if (first_run.empty() || second_run.empty()) return;
+    if (!facts_of(kind).curve && (first_run[i].empty() || second_run[i].empty())) return;
+    const auto of_one = difference_product(kind, first_run[i], first_run[i], a[i], b[i]),
+               of_two = difference_product(kind, second_run[i], second_run[i], a[i], b[i]);
+    const auto crossed = difference_product(kind, first_run[i], second_run[i], a[i], b[i]),
+               back = difference_product(kind, second_run[i], first_run[i], a[i], b[i]);
     if (!of_one || !of_two || !crossed || !back) return;
     const CrossValidatedSquare parts = cross_validate(*of_one, *of_two, *crossed, *back);
     square.add(p, parts.square);

@@ -18,7 +18,7 @@ std::optional<double> decay_rms_db(std::span<const double> reference, std::span<
 std::optional<double> log_spectral_distance_db(std::span<const float> reference, std::span<const float> test, double range_db = 40);
 
 /// Errors of one response at one pose against one reference.  Relative ones as fractions, differences as they come, both with a sign (test
-/// minus reference); of curves the root mean square, without.  Where the reference has a value and the test has none, the entry is NaN.
+/// minus reference); of curves the root mean square, without.  If the reference has a value and the test does not, the entry is NaN.
 struct PoseErrors {
   std::vector<double> values[kNumErrorKinds];  ///< over bands, or one; empty where the reference has no value
 };
@@ -50,7 +50,7 @@ std::vector<double> error_sizes(std::span<const TruthValues> truth, std::span<co
 /// noise of the truth is in none of them; mean, signed_mean and percentiles are taken against the mean of both halves.  A value that one
 /// draw lacks where both halves have it is missing.  truth, test: by pose.  band: one of them, or all.
 ErrorSummary summarise(std::span<const TruthValues> truth, std::span<const DrawnValues> test, ErrorKind kind, int band = -1);
-/// What two halves differ by, over two, root mean square over poses and bands: the standard error of a value of their mean.
+/// Half the difference of the two halves, root mean square over poses and bands: the standard error of a value of their mean.
 double truth_error(std::span<const TruthValues> truth, ErrorKind kind);
 
 }  // namespace earshot

@@ -62,7 +62,7 @@ Slope fit_line(std::span<const double> x, std::span<const double> y) {
   for (std::size_t i = 0; i < x.size(); ++i) {
     const double residual = y[i] - (fit.intercept + fit.per_x * x[i]);
     squares += residual * residual;
-    neighbours += residual * before;  // the first has none before it: times 0
+    neighbours += residual * before;  // the first has no predecessor: times 0
     before = residual;
   }
   const double rho = squares > 0 ? std::clamp(neighbours / squares, 0.0, 0.99) : 0.0;

@@ -10,7 +10,7 @@
 namespace earshot {
 
 /// Counts of positive values in logarithmic bins of 2.2 %: any number of values in fixed memory, so that the watch of a long run does not
-/// grow itself.  Values are taken to lie in [1e-6, 1e6]; what is smaller or larger goes to the end bins.
+/// grow itself.  Values are taken to lie in [1e-6, 1e6]; values outside go to the end bins.
 class LogHistogram {
  public:
   void add(double value);

@@ -67,10 +67,11 @@ EnergyResponse TruthHalves::mean(std::size_t pose) const {
 double TruthHalves::t20_error() const {
   PlaceMean squares(poses_.size());
   for (std::size_t p = 0; p < poses_.size(); ++p) {
-    const RoomMetrics one = measure(acoustics_, half(p, 0)), two = measure(acoustics_, half(p, 1));
-    for (std::size_t b = 0; b < one.bands.size(); ++b)
-      if (one.bands[b].t20_s && two.bands[b].t20_s && *one.bands[b].t20_s > 0) {
-        const double difference = (*one.bands[b].t20_s - *two.bands[b].t20_s) / (*one.bands[b].t20_s + *two.bands[b].t20_s);
+    const RoomMetrics first_half = measure(acoustics_, half(p, 0)), second_half = measure(acoustics_, half(p, 1));
+    for (std::size_t b = 0; b < first_half.bands.size(); ++b)
+      if (first_half.bands[b].t20_s && second_half.bands[b].t20_s && *first_half.bands[b].t20_s > 0) {
+        const double difference =
+            (*first_half.bands[b].t20_s - *second_half.bands[b].t20_s) / (*first_half.bands[b].t20_s + *second_half.bands[b].t20_s);
         squares.add(p, difference * difference);  // half the difference over the mean
       }
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Question: how many pictures per second of a core give the two renderers, depth alone and with all sensors?  (docs/evidence/cameras.md)
+// Question: pictures per second and core of the two renderers, depth alone and with all sensors?  (docs/evidence/cameras.md)
 // EARSHOT_EGL_DEVICE names the device (EglOptions::device; default: software).
 
 #include <benchmark/benchmark.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Question: what does the sound of one agent cost per step, stage by stage, once its source field is built?
+// Question: cost of the sound of one agent per step, stage by stage, once its source field is built?
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

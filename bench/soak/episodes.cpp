@@ -153,8 +153,8 @@ SoakEpisodes make_soak_episodes(const std::vector<SoakScene>& scenes, int per_sc
         if (shows) progress.update(std::min(next.load(), scenes.size()));
       }
     };
-    std::vector<std::jthread> others;
-    for (int thread = 1; thread < threads; ++thread) others.emplace_back(work, false);
+    std::vector<std::jthread> helpers;
+    for (int thread = 1; thread < threads; ++thread) helpers.emplace_back(work, false);
     work(true);
   }
   SoakEpisodes result;

@@ -41,7 +41,7 @@ const char* name_of(SoakFault fault) {
 
 double decibels(double ratio) { return 10 * std::log10(std::max(ratio, 1e-30)); }
 
-double per(double count, double of) { return of > 0 ? count / of : 0.0; }
+double per(double count, double total) { return total > 0 ? count / total : 0.0; }
 
 std::string bound_table(const SoakResult& result) {
   std::string text = "| bound | found | allowed | status |\n|---|---|---|---|\n";

@@ -17,7 +17,7 @@ struct SoakQuantile {
 inline constexpr std::array<SoakQuantile, 5> kSoakQuantiles{{{"p50", 0.5}, {"p90", 0.9}, {"p99", 0.99}, {"p99.9", 0.999}, {"max", 1}}};
 double quantile_of(const LogHistogram& values, const SoakQuantile& quantile);  ///< fraction 1: the largest, exact
 
-/// A page: what ran, each bound with its status, step times, kinds of scenes, and what was found where.
+/// A page: the run, each bound with its status, step times, kinds of scenes, and the faults with their places.
 std::string soak_markdown(const SoakResult& result);
 /// The same as numbers, with all samples of memory.
 BenchJson soak_json(const SoakResult& result);

@@ -26,8 +26,8 @@ class Choices {
   std::uint32_t next_ = 0;
 };
 
-std::string house_text(Choices& choices, int rooms, const std::string& more = "") {
-  return fmt::format("{},rooms={},area_m2={:.0f}{}", choices.count(0, 99'999'999), rooms, rooms * choices.between(12, 20), more);
+std::string house_text(Choices& choices, int rooms, const std::string& suffix = "") {
+  return fmt::format("{},rooms={},area_m2={:.0f}{}", choices.count(0, 99'999'999), rooms, rooms * choices.between(12, 20), suffix);
 }
 
 SoakScene house(SoakKind kind, const std::string& text) { return {.spec = "house:" + text, .kind = kind, .house = text}; }
@@ -62,18 +62,18 @@ SoakScene house_in_files(SoakKind kind, const std::filesystem::path& folder, con
   return {.spec = yaml.string(), .kind = kind, .house = text};
 }
 
-/// turn: how many of this kind came before.
+/// turn: number of earlier scenes of this kind.
 SoakScene hard(SoakKind kind, int turn, int index, Choices& choices, const std::filesystem::path& folder) {
-  const bool even = turn % 2 == 0;
+  const bool is_even = turn % 2 == 0;
   const auto box = [&](std::string spec) { return SoakScene{.spec = std::move(spec), .kind = kind}; };
   switch (kind) {
     case SoakKind::tiny:
       return box(fmt::format("shoebox:{:.2f}x{:.2f}x{:.2f}@0.1", choices.between(1.05, 1.4), choices.between(1.7, 2.2),
                              choices.between(1.05, 1.4)));
     case SoakKind::absorbing:
-      return box(box_text(choices, 3, 7, even ? "0.99" : "1"));
+      return box(box_text(choices, 3, 7, is_even ? "0.99" : "1"));
     case SoakKind::rigid:
-      return box(box_text(choices, 3, 7, even ? "0.001" : "0"));
+      return box(box_text(choices, 3, 7, is_even ? "0.001" : "0"));
     case SoakKind::flutter:
       return box(box_text(choices, 3, 7, "0.9,0.9,0.9,0.9,0.01,0.01"));
     case SoakKind::corridor:

@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// What is hard about a scene of a soak; the first two are ordinary.
+/// Difficulty of a scene of a soak; the first two are ordinary.
 enum class SoakKind { house, shoebox, tiny, absorbing, rigid, many_rooms, open, flutter, corridor, hall, detailed, far_away };
 inline constexpr std::size_t kNumSoakKinds = 12;
 inline constexpr std::array<const char*, kNumSoakKinds> kSoakKindNames{

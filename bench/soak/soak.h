@@ -22,7 +22,7 @@ struct SoakOptions {
   double minutes = 120;            ///< the steps end here, done or not
   std::uint64_t seed = 1;
   int camera_px = 32;             ///< a small picture: rendering shall not hide the rest
-  double cache_mb = 128;          ///< bound of the scene cache: less than the scenes take, so that they come and go
+  double cache_mb = 128;          ///< bound of the scene cache: below the total size of the scenes, so that it evicts
   int replays = 20;               ///< episodes that are run again cold
   double memory_limit_mib = 1;    ///< allowed growth of resident memory per 100,000 steps after the warm-up
   SoakWatch::Tamper tamper = {};  ///< for tests of the soak itself
@@ -45,11 +45,11 @@ inline constexpr std::array<const char*, 8> kSoakStages{"step", "move", "trace",
 
 struct SoakResult {
   SoakOptions options;
-  int threads = 1, rounds = 0;  ///< rounds: how often all scenes were walked through, the last one perhaps in part
+  int threads = 1, rounds = 0;  ///< rounds through all scenes, the last one possibly incomplete
   std::uint64_t steps = 0, episodes = 0, successes = 0;
   double seconds = 0, cpu_seconds = 0;  ///< of the steps, watching included
   bool finished = false;                ///< false: a report in between
-  std::string failure;                  ///< what stopped the run; empty: nothing
+  std::string failure;                  ///< reason why the run stopped; empty: none
   std::vector<std::string> refused_scenes;
   std::size_t episodes_per_scene = 0, num_episodes_in_set = 0;
 

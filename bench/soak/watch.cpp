@@ -40,10 +40,10 @@ double distance_to_source(const BatchedEnv& env, std::size_t row) {
 }  // namespace
 
 SoakRows SoakRowCopy::take(const BatchedEnv& env, std::size_t row, bool ended) {
-  const auto copy = [&](std::span<const float> all, std::vector<float>& own) {
+  const auto copy = [&](std::span<const float> all, std::vector<float>& env_rows) {
     const std::size_t size = all.size() / static_cast<std::size_t>(env.num_envs());
-    own.assign(all.begin() + static_cast<std::ptrdiff_t>(row * size), all.begin() + static_cast<std::ptrdiff_t>((row + 1) * size));
-    return std::span<float>(own);
+    env_rows.assign(all.begin() + static_cast<std::ptrdiff_t>(row * size), all.begin() + static_cast<std::ptrdiff_t>((row + 1) * size));
+    return std::span<float>(env_rows);
   };
   return {.depth = copy(ended ? final_float_rows(env, "depth") : float_rows(env, "depth"), depth_),
           .spectrogram = copy(ended ? final_float_rows(env, "spectrogram") : float_rows(env, "spectrogram"), spectrogram_),
@@ -180,9 +180,9 @@ std::string SoakWatch::place_of(const BatchedEnv& env, std::size_t row, bool end
                              pose.position.y, pose.position.z, pose.heading_rad);
 }
 
-void SoakWatch::report(SoakFault fault, const std::string& what) {
+void SoakWatch::report(SoakFault fault, const std::string& problem) {
   ++faults_[static_cast<std::size_t>(fault)];
-  if (examples_.size() < kMaxExamples) examples_.push_back({fault, what});
+  if (examples_.size() < kMaxExamples) examples_.push_back({fault, problem});
 }
 
 void SoakWatch::keep(const FinishedEpisode& finished, const Agent& agent) {

@@ -13,7 +13,7 @@
 
 namespace earshot {
 
-/// What one agent got in one step.
+/// Observation and result of one agent in one step.
 struct SoakRows {
   std::span<float> depth, spectrogram, audiogoal, pointgoal;  ///< audiogoal: empty at the end of an episode (the next one's is there)
   float reward = 0;
@@ -29,7 +29,7 @@ class SoakRowCopy {
   std::vector<float> depth_, spectrogram_, audiogoal_, pointgoal_;
 };
 
-/// What can be wrong with it.
+/// Faults of a step.
 enum class SoakFault { not_finite, out_of_range, too_loud, out_of_the_scene };
 inline constexpr std::size_t kNumSoakFaults = 4;
 
@@ -53,7 +53,8 @@ class EpisodeHash {
   std::uint64_t hash_ = 0;
 };
 
-/// What was heard may not exceed this many times (energy of the free field at the shortest distance of the step plus diffuse field of the
+/// Upper limit of the sound level, as a multiple of (energy of the free field at the shortest distance of the step plus diffuse field of
+/// the
 /// source's room) times the largest mean square of the dry sound.  6 dB: a rigid sphere doubles the pressure at most (Duda and Martens
 /// 1998); 12 dB: in a reverberant field the energy of a steady tone is distributed exponentially over places (Schroeder 1954), and exceeds
 /// 16 times its mean once in 10^7 draws; four equal images in phase (source in the corner of two walls) make the same 12 dB of the free

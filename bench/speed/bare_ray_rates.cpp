@@ -42,7 +42,7 @@ std::vector<glm::vec3> picture(const CameraConfig& camera) {
   return directions;
 }
 
-/// Median of the rates of blocks of `seconds / kBlocks`; run: does some rays, returns how many.
+/// Median of the rates of blocks of `seconds / kBlocks`; run: traces some rays, returns their number.
 template <class Run>
 double rate(double seconds, const Run& run) {
   std::vector<double> rates;

@@ -15,7 +15,7 @@ struct BareRayRates {
   double diffuse = 0;  ///< nearest hits of paths that leave every surface diffusely, one ray at a time
 };
 
-/// Question: what would rays alone cost?  Median of five blocks; the camera and the paths stand where `poses` are, foot points.
+/// Question: how much do rays alone cost?  Median of five blocks; the camera and the paths stand where `poses` are, foot points.
 BareRayRates measure_bare_rays(const Scene& scene, const CameraConfig& camera, std::span<const glm::vec3> poses, double seconds);
 
 }  // namespace earshot

@@ -61,7 +61,7 @@ Renderer renderer_of(const std::string& name) {
   return Renderer::automatic;
 }
 
-/// Those of the default filter; where a scene has none, such as a single room, shorter and straighter ones.
+/// Episodes of the default filter; in a scene without any, such as a single room, shorter and straighter ones.
 std::vector<Episode> episodes_in(const std::string& id, const EnvScene& scene, const TaskConfig& task, int goals) {
   const auto draw = [&](const EpisodeFilter& filter) {
     return generate_episodes(
@@ -202,7 +202,8 @@ void add_rate(BenchReport& report, const std::string& name, const Senses& senses
              bench.setting(options.envs, threads));
 }
 
-/// Steps per second over envs and threads; what is within 2 % of the best in fewer envs counts as good: a larger batch only ages actions.
+/// Steps per second over envs and threads; a rate within 2 % of the best with fewer envs counts as best: a larger batch only makes actions
+/// older.
 BenchReport autotune(const EnvBenchOptions& options) {
   BenchReport report("env");
   const EnvBench bench(kAll, options);
@@ -225,9 +226,9 @@ BenchReport autotune(const EnvBenchOptions& options) {
       tried.push_back({count, n, rate.value});
       best = std::max(best, rate.value);
     }
-  const auto good = [&](const Tried& one) { return one.steps_per_s >= 0.98 * best; };
+  const auto good = [&](const Tried& run) { return run.steps_per_s >= 0.98 * best; };
   const Tried chosen =
-      *std::ranges::min_element(tried, {}, [&](const Tried& one) { return good(one) ? one.envs * 1000 + one.threads : 1'000'000'000; });
+      *std::ranges::min_element(tried, {}, [&](const Tried& run) { return good(run) ? run.envs * 1000 + run.threads : 1'000'000'000; });
   const BenchJson setting = bench.setting(chosen.envs, chosen.threads);
   report.add("env.autotune.best_envs", "", median_of({static_cast<double>(chosen.envs)}), setting);
   report.add("env.autotune.best_threads", "", median_of({static_cast<double>(chosen.threads)}), setting);

@@ -30,7 +30,7 @@ struct SourceTimes {
   [[nodiscard]] double per_rir() const { return per_response + per_render; }
 };
 
-/// One scene under one preset: what all measurements need.
+/// One scene under one preset, shared by all measurements.
 class RirBench {
  public:
   RirBench(const BenchScene& scene, const RirBenchOptions& options, BenchReport& report)
@@ -164,7 +164,7 @@ class RirBench {
     const double field_ms = over([](const SourceTimes& t) { return kMs * t.field; }).value;
     const double render_ms = over([](const SourceTimes& t) { return kMs * t.per_render; }).value;
     const double response_ms = over([](const SourceTimes& t) { return kMs * t.per_response; }).value;
-    const double late_ms = std::max(response_ms - early_ms - diffraction_ms - transmission_ms, 0.0);  // what remains of the response
+    const double late_ms = std::max(response_ms - early_ms - diffraction_ms - transmission_ms, 0.0);  // the rest of the response
     fmt::print("  per source  {:9.1f} ms   candidates {:.1f}, photon pass {:.1f} ({} photons)\n", source_ms.value, candidates_ms, field_ms,
                photons_);
     fmt::print("  per RIR     {:9.3f} ms   early {:.3f}, diffraction {:.3f}, transmission {:.3f}, {} {:.3f}, synthesis {:.3f}\n",
@@ -313,9 +313,9 @@ class RirBench {
     EnergyResponse response;
     FastErrors errors;
     for (int i = 0; i < options_.error_fields; ++i) {
-      AcousticConfig own = fast_.config();
-      own.seed = fast_.config().seed + static_cast<std::uint64_t>(i == 0 ? 0 : i + 1);  // the next one is the truth's
-      const AcousticScene scene(scene_.scene, own);
+      AcousticConfig preset_config = fast_.config();
+      preset_config.seed = fast_.config().seed + static_cast<std::uint64_t>(i == 0 ? 0 : i + 1);  // the next one is the truth's
+      const AcousticScene scene(scene_.scene, preset_config);
       const EarlyCandidates own_candidates(scene, scene_.source());
       const auto own_field = uses_source_field(scene) ? build_source_field(scene, own_candidates) : nullptr;
       auto& of_field = errors.of_field.emplace_back();
@@ -339,7 +339,7 @@ class RirBench {
     const double scale = scale_of(kind);
     std::vector<double> means;
     for (const auto& of_field : errors.of_field)
-      if (const ErrorSummary own = summarise(of_field, kind); own.count > 0) means.push_back(scale * own.mean);
+      if (const ErrorSummary field_error = summarise(of_field, kind); field_error.count > 0) means.push_back(scale * field_error.mean);
     if (means.empty()) return;
     BenchJson with_spread = field_setting;
     with_spread["range"] = "least and largest mean of one field";
@@ -373,7 +373,7 @@ class RirBench {
     add_error("fast.edc_rms_db", "dB", ErrorKind::decay_db, errors, json);
   }
 
-  /// The truth against bidirectional path tracing at a few of its poses: how far apart their T20 are, and how well the paths know it.
+  /// The truth against bidirectional path tracing at a few of its poses: difference of their T20, and standard error of the paths.
   void check_truth(const AcousticScene& high, const EarlyCandidates& candidates, const std::vector<ConvergedPose>& truth) const {
     AcousticConfig config = high.config();
     config.threads = 0;  // the same bits, sooner: this is not timed

@@ -62,8 +62,8 @@ HearingCost bench_hearing(const HearingCostOptions& options) {
                                  {"poses", run.errors.poses},
                                  {"reference_rt60_standard_error_pct", facts.truth_error_pct},
                                  {"reference_runs", facts.truth_rounds}};
-      const auto add = [&](const std::string& what, const char* unit, double value) {
-        result.report.add(fmt::format("hearing.{}.{}", mode.value, what), unit, median_of({value}), setting);
+      const auto add = [&](const std::string& metric, const char* unit, double value) {
+        result.report.add(fmt::format("hearing.{}.{}", mode.value, metric), unit, median_of({value}), setting);
       };
       const ErrorSummary heard = run.error(ErrorKind::rir_to_rir_t20), energy = run.error(ErrorKind::t20),
                          seen = run.error(ErrorKind::spectral_db);

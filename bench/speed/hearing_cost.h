@@ -14,7 +14,7 @@ struct HearingCostOptions {
   double truth_seconds = 60;             ///< per scene, for the converged reference
 };
 
-/// Question: what do 16, 64 and 256 rays at each pose cost and give an agent, and what the source field?  Preset `fast` with the length
+/// Question: cost and accuracy of 16, 64 and 256 rays per pose, and of the source field, for an agent.  Preset `fast` with the length
 /// that the scene asks for.  Per scene and mode: environment steps per second of eight agents, milliseconds per response and per source,
 /// the error of T20 of the RIR that agents hear, and of the energy response, against a converged reference of bidirectional paths, and the
 /// log-spectral distance of the observed spectrogram to the one from that reference.

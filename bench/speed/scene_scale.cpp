@@ -186,18 +186,18 @@ BenchReport scene_scale_report(const SceneScaleResult& r) {
                           {"cache_gb", r.options.cache_gb},
                           {"episodes_per_scene", r.options.episodes_per_scene},
                           {"seed", r.options.seed}};
-  const auto one = [](double value) { return Measured{.value = value, .min = value, .max = value}; };
+  const auto single_value = [](double value) { return Measured{.value = value, .min = value, .max = value}; };
   report.add("scenes.first_load_ms", "ms", median_of(r.first_load_ms), setting);
   report.add("scenes.second_load_ms", "ms", median_of(r.second_load_ms), setting);
   if (!r.step_ms.empty()) report.add("scenes.step_ms", "ms", median_of(r.step_ms), setting);
-  report.add("scenes.step_p999_ms", "ms", one(percentile(r.step_ms, 0.999)), setting);
+  report.add("scenes.step_p999_ms", "ms", single_value(percentile(r.step_ms, 0.999)), setting);
   if (r.options.threads == 1 && !r.step_cpu_ms.empty()) {
     report.add("scenes.step_cpu_ms", "ms", median_of(r.step_cpu_ms), setting);
-    report.add("scenes.slow_steps_by_cpu", "1", one(static_cast<double>(r.slow_by_cpu)), setting);
+    report.add("scenes.slow_steps_by_cpu", "1", single_value(static_cast<double>(r.slow_by_cpu)), setting);
   }
-  report.add("scenes.slow_steps", "1", one(static_cast<double>(r.slow.size())), setting);
-  report.add("scenes.largest_cache_mb", "MB", one(r.largest_cache_mb), setting);
-  report.add("scenes.largest_resident_mb", "MB", one(r.largest_resident_mb), setting);
+  report.add("scenes.slow_steps", "1", single_value(static_cast<double>(r.slow.size())), setting);
+  report.add("scenes.largest_cache_mb", "MB", single_value(r.largest_cache_mb), setting);
+  report.add("scenes.largest_resident_mb", "MB", single_value(r.largest_resident_mb), setting);
   return report;
 }
 

@@ -31,7 +31,7 @@ struct SlowStep {
   std::uint64_t scenes_loaded = 0, sources_built = 0;  ///< by any thread while it ran: in the background too
 };
 
-/// What a run through many scenes saw.  Times in milliseconds.
+/// Measurements of a run through many scenes.  Times in milliseconds.
 struct SceneScaleResult {
   SceneScaleOptions options;
   std::vector<double> first_load_ms, second_load_ms;  ///< [scenes that have an episode], by SceneStore alone
@@ -44,7 +44,8 @@ struct SceneScaleResult {
   std::vector<std::string> refused;  ///< scenes without an episode, each with the reason
 };
 
-/// Question: what does a step pay when scenes come and go?  Houses of 3 to 6 rooms with details (`house:SEED,rooms=...,detail_m=0.12`),
+/// Question: how much does loading and evicting scenes delay a step?  Houses of 3 to 6 rooms with details
+/// (`house:SEED,rooms=...,detail_m=0.12`),
 /// each loaded twice from the store, then stepped through by a batch that follows the shortest paths, so that every episode begins in
 /// another scene; all sensors, default acoustics.
 SceneScaleResult run_scene_scale(const SceneScaleOptions& options);

@@ -32,8 +32,8 @@ constexpr int kPacketBytes = 9000, kQueuedPackets = 20000;
 constexpr std::size_t kDestination = 16;  // of an IPv4 header: four bytes, the last of which is the host's
 constexpr std::chrono::milliseconds kLook(50);
 
-[[noreturn]] void fail(const char* what) {
-  throw RunError("delayed link", fmt::format("{}: {} (it needs root and /dev/net/tun)", what, std::strerror(errno)));
+[[noreturn]] void fail(const char* operation) {
+  throw RunError("delayed link", fmt::format("{}: {} (it needs root and /dev/net/tun)", operation, std::strerror(errno)));
 }
 
 sockaddr_un socket_of(const std::filesystem::path& folder, int host) {
@@ -70,24 +70,24 @@ Descriptor open_tun(int host) {
   const Descriptor control(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (control.number() < 0) fail("no socket to set up a tun device");
   const auto request = [](const char* name) {
-    ifreq of{};
-    std::strncpy(static_cast<char*>(of.ifr_name), name, IFNAMSIZ - 1);
-    return of;
+    ifreq interface {};
+    std::strncpy(static_cast<char*>(interface.ifr_name), name, IFNAMSIZ - 1);
+    return interface;
   };
-  const auto ask = [](const Descriptor& descriptor, unsigned long what, ifreq of) {
-    if (::ioctl(descriptor.number(), what, &of) != 0) fail("a tun device cannot be set up");
+  const auto ask = [](const Descriptor& descriptor, unsigned long operation, ifreq interface) {
+    if (::ioctl(descriptor.number(), operation, &interface) != 0) fail("a tun device cannot be set up");
   };
   ifreq device = request("eth0");
   device.ifr_flags = IFF_TUN | IFF_NO_PI;
   ask(tun, TUNSETIFF, device);
-  for (const auto& [what, text] :
+  for (const auto& [operation, text] :
        {std::pair<unsigned long, std::string>{SIOCSIFADDR, DelayedHost::address(host)}, {SIOCSIFNETMASK, "255.255.255.0"}}) {
-    ifreq of = request("eth0");
+    ifreq interface = request("eth0");
     sockaddr_in address{};
     address.sin_family = AF_INET;
     ::inet_pton(AF_INET, text.c_str(), &address.sin_addr);
-    std::memcpy(&of.ifr_addr, &address, sizeof(address));
-    ask(control, what, of);
+    std::memcpy(&interface.ifr_addr, &address, sizeof(address));
+    ask(control, operation, interface);
   }
   ifreq mtu = request("eth0"), queue = request("eth0"), up = request("eth0"), loopback = request("lo");
   mtu.ifr_mtu = kPacketBytes;
@@ -113,7 +113,7 @@ DelayedHost::DelayedHost(int host, std::chrono::microseconds delay, const std::f
 }
 
 DelayedHost::~DelayedHost() {
-  std::this_thread::sleep_for(3 * delay_ + kLook);  // what has been sent still arrives, and is sent again where it was lost
+  std::this_thread::sleep_for(3 * delay_ + kLook);  // sent packets still arrive, and lost ones are sent again
   over_ = true;
   sender_.join();
   receiver_.join();

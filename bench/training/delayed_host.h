@@ -10,13 +10,13 @@
 
 namespace earshot {
 
-/// Makes the calling process a host of its own, whose packets take a while to reach the others: a network namespace with one interface
+/// Makes the calling process a host of its own, whose packets reach the others with a delay: a network namespace with one interface
 /// (a tun device, 10.78.0.HOST+1/24, packets of 9,000 bytes), from which a thread takes the packets and hands them on after the delay, in
 /// order and without loss.  It does what `tc netem` does, on kernels that lack that.  To be made before the process has other threads or
 /// sockets; it stays in its namespace.  Needs root (CAP_SYS_ADMIN, CAP_NET_ADMIN) and /dev/net/tun.
 class DelayedHost {
  public:
-  /// A descriptor that is closed at the end; below zero it is none.
+  /// A descriptor that is closed at the end; negative if closed.
   class Descriptor {
    public:
     explicit Descriptor(int number) : number_(number) {}

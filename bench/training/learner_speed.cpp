@@ -39,13 +39,13 @@ RolloutBuffer drawn_rollout(const RunConfig& config, ActorCritic& policy) {
     for (const SensorSpec& sensor : sensor_table(spec, 1)) seen.add(sensor.name, drawn_rows(sensor, envs));
     rollout.push(seen, not_done, torch::randint(4, {envs}, torch::kInt64), torch::full({envs}, -1.386f), torch::randn({envs}));
     std::vector<float> rewards(size);
-    std::vector<std::uint8_t> ended(size), never(size), valid(size, 1);
+    std::vector<std::uint8_t> ended(size), no_truncation(size), valid(size, 1);
     for (std::size_t env = 0; env < size; ++env) {
       ended[env] = (t + 1 + 17 * static_cast<int>(env)) % kSpeedEpisodeSteps == 0;
       rewards[env] = 0.1f * static_cast<float>((t + static_cast<int>(env)) % 7);
       not_done[static_cast<std::int64_t>(env)] = ended[env] != 0 ? 0.f : 1.f;
     }
-    rollout.push_outcome(rewards, ended, never, torch::zeros({envs}), valid);
+    rollout.push_outcome(rewards, ended, no_truncation, torch::zeros({envs}), valid);
   }
   rollout.finish(torch::zeros({envs}));
   return rollout;
@@ -132,7 +132,7 @@ std::string LearnerSpeedTest::torch_request(double cpu_s, bool warm_up) const {
                             columns, channels, layer_text(layers), features);
     inputs += features;
   };
-  // What the encoders of the policy read, by the shapes of their weights: channels of the first convolution, and the pictures of the
+  // Inputs of the policy's encoders, from the shapes of their weights: channels of the first convolution, and the pictures of the
   // sensors.
   std::int64_t sound_rows = 0, sound_columns = 0, sound_channels = 0;
   std::vector<std::array<std::int64_t, 3>> cameras;

@@ -35,14 +35,14 @@ double roll_out(const ScalingCheckOptions& options, std::uint32_t rank, std::uin
 }
 
 /// The times of all workers, in their order.
-std::vector<double> of_all_workers(const std::vector<double>& own, Collective& workers) {
-  std::string bytes(own.size() * sizeof(double), '\0');
-  std::memcpy(bytes.data(), own.data(), bytes.size());
+std::vector<double> of_all_workers(const std::vector<double>& rank_values, Collective& workers) {
+  std::string bytes(rank_values.size() * sizeof(double), '\0');
+  std::memcpy(bytes.data(), rank_values.data(), bytes.size());
   std::vector<double> all;
   for (const std::string& part : workers.all_gather(bytes)) {
     if (part.size() != bytes.size()) throw RunError("scaling check", "a worker makes another number of updates");
-    all.resize(all.size() + own.size());
-    std::memcpy(all.data() + all.size() - own.size(), part.data(), part.size());
+    all.resize(all.size() + rank_values.size());
+    std::memcpy(all.data() + all.size() - rank_values.size(), part.data(), part.size());
   }
   return all;
 }

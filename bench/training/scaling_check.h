@@ -34,7 +34,7 @@ MeasuredUpdates make_updates(const ScalingCheckOptions& options, Collective& wor
 /// Two workers: times of a small sum, and of two that go round the ring, by the wall and of the processor.
 LinkSpeed measure_link(std::size_t bytes, Collective& workers);
 
-/// What one worker alone needs.
+/// Time of one worker alone.
 UpdateWork work_of(const ScalingCheckOptions& options, const MeasuredUpdates& alone);
 
 }  // namespace earshot

@@ -77,10 +77,10 @@ ScalingPrediction predict_update(const UpdateWork& work, const LinkSpeed& link, 
 }
 
 double scaling_efficiency(const UpdateWork& work, const LinkSpeed& link, const WorkerLayout& layout) {
-  const ScalingPrediction many = predict_update(work, link, layout);
+  const ScalingPrediction predicted = predict_update(work, link, layout);
   WorkerLayout alone = layout;
   alone.workers = 1;
-  return many.steps / layout.workers * predict_update(work, link, alone).update_s() / many.update_s();
+  return predicted.steps / layout.workers * predict_update(work, link, alone).update_s() / predicted.update_s();
 }
 
 }  // namespace earshot

@@ -27,7 +27,7 @@ struct TimedSum {
 /// Throws RunError if the larger sum was no slower.
 LinkSpeed link_from_sums(double small_s, const TimedSum& ring, const TimedSum& larger_ring);
 
-/// What a worker does in an update.
+/// Work of a worker in an update.
 struct UpdateWork {
   double rollout_s = 0;            ///< mean
   double rollout_deviation_s = 0;  ///< from update to update and from worker to worker, taken as independent and normal
@@ -52,7 +52,7 @@ struct ScalingPrediction {
   [[nodiscard]] double update_s() const { return collect_s + learn_s + reduce_s; }
 };
 
-/// - Waiting: the expected largest of the rollouts' times; with preemption the expected k-th, and who is later loses the steps that it
+/// - Waiting: the expected largest of the rollouts' times; with preemption the expected k-th; later workers lose the steps that it
 ///   would have made then.
 /// - A sum: 2 (P - 1) steps of the ring and 2 (P - 1) / P of the bytes over the slowest link, or, where that is longer, the processor time
 ///   for those bytes of all workers of a host, over its cores.
