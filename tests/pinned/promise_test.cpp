@@ -82,9 +82,9 @@ struct Batches {
     validate(config);
   }
   [[nodiscard]] std::unique_ptr<BatchedEnv> make(int threads) const {
-    EnvConfig own = config;
-    own.threads = threads;
-    return std::make_unique<BatchedEnv>(own, set, make_scene_cache(own), kEnvs);
+    EnvConfig env_config = config;
+    env_config.threads = threads;
+    return std::make_unique<BatchedEnv>(env_config, set, make_scene_cache(env_config), kEnvs);
   }
 };
 

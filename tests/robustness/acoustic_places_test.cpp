@@ -24,17 +24,17 @@ TEST(H13_SourceEqualsListener, IsFiniteAndLooksAhead) {
   for (const Engine engine : kEngines) {
     SCOPED_TRACE(name_of(engine));
     const Heard heard(engine, rooms::shoe1(0.2, 1), plain(), rooms::shoe1_listener());
-    const EnergyResponse same = heard.at(rooms::shoe1_listener());
-    expect_sound(same);
-    ASSERT_EQ(same.arrivals.size(), 1u);
-    EXPECT_NEAR(same.arrivals[0].amplitude[0], 1 / (4 * std::numbers::pi * 0.01), 1e-6 / (4 * std::numbers::pi * 0.01));
-    EXPECT_EQ(same.arrivals[0].direction, glm::vec3(0, 0, -1));
-    EXPECT_EQ(same.arrivals[0].distance_m, 0.01f);
+    const EnergyResponse repeated = heard.at(rooms::shoe1_listener());
+    expect_sound(repeated);
+    ASSERT_EQ(repeated.arrivals.size(), 1u);
+    EXPECT_NEAR(repeated.arrivals[0].amplitude[0], 1 / (4 * std::numbers::pi * 0.01), 1e-6 / (4 * std::numbers::pi * 0.01));
+    EXPECT_EQ(repeated.arrivals[0].direction, glm::vec3(0, 0, -1));
+    EXPECT_EQ(repeated.arrivals[0].distance_m, 0.01f);
     // The room answers as it does 2 cm away: the density of first reflections from walls 1.3 m off changes by some per cent at most.
-    EXPECT_NEAR(db(late_energy(same) / late_energy(heard.at(rooms::shoe1_listener() + glm::vec3(0.02f, 0, 0)))), 0.0, 0.15);
+    EXPECT_NEAR(db(late_energy(repeated) / late_energy(heard.at(rooms::shoe1_listener() + glm::vec3(0.02f, 0, 0)))), 0.0, 0.15);
     // And as loudly as a diffuse field of the room constant (O-12: 0.0135), give or take what is near.
-    EXPECT_NEAR(db(late_energy(same) / 0.01354), 0.0, 1.5);
-    expect_sound(measure(heard.scene, same));
+    EXPECT_NEAR(db(late_energy(repeated) / 0.01354), 0.0, 1.5);
+    expect_sound(measure(heard.scene, repeated));
   }
 }
 
@@ -65,7 +65,7 @@ TEST(H14_SourceANanometreAway, IsContinuousAtTheLeastDistance) {
         }(),
         {Material::uniform("wall", 0.2f, 1.f)});
     const Heard heard(engine, room, plain(512), listener);
-    const EnergyResponse same = heard.at(listener);
+    const EnergyResponse repeated = heard.at(listener);
     double before = 1e9;
     for (const double apart_m : {1e-9, 1e-6, 1e-3, 0.00999, 0.01, 0.01001, 0.011, 0.02, 0.1}) {
       const EnergyResponse near = heard.at(listener + glm::vec3(static_cast<float>(apart_m), 0, 0));
@@ -79,7 +79,7 @@ TEST(H14_SourceANanometreAway, IsContinuousAtTheLeastDistance) {
       EXPECT_NEAR(glm::length(direct.direction), 1.f, 1e-6f);
       EXPECT_LT(direct.direction.x, -0.999f) << apart_m;
       if (apart_m < 0.01) {
-        EXPECT_NEAR(db(late_energy(near) / late_energy(same)), 0.0, 0.15) << apart_m;
+        EXPECT_NEAR(db(late_energy(near) / late_energy(repeated)), 0.0, 0.15) << apart_m;
       }
     }
   }

@@ -243,7 +243,7 @@ TEST(Precision_Jackknife, KeepsSixDigitsOfASpreadOfAMillionth) {
     for (const double value : plain) squares += (value - mean) * (value - mean);
     const auto exact = static_cast<double>(std::sqrt(15.0L / 16 * squares));
     EXPECT_NEAR(*jackknife_error(values) / exact, 1.0, 1e-6) << scale;
-    // In float nothing is left of such a spread.
+    // Float cannot represent this spread.
     float sum = 0, square_sum = 0;
     for (const double value : plain)
       sum += static_cast<float>(value / scale), square_sum += static_cast<float>(value / scale) * static_cast<float>(value / scale);

@@ -82,7 +82,7 @@ TEST(H31_AllSampleRates, DelayAmplitudeAndDecayAreTheSame) {
     ASSERT_EQ(response.arrivals.size(), 1u);
     EXPECT_NEAR(response.arrivals[0].distance_m, 2.765863, 1e-6);
     EXPECT_NEAR(response.arrivals[0].amplitude[0], 0.0287713, 1e-6);
-    // Exact Lambert decay of SHOE-1 (O-10).  The bands are the same walls: their decay does not depend on how many there are.
+    // Exact Lambert decay of SHOE-1 (O-10).  All bands have the same walls: their decay does not depend on the number of bands.
     const RoomMetrics metrics = measure(heard.scene, response);
     ASSERT_TRUE(metrics.bands[0].t20_s) << rate_hz;
     EXPECT_NEAR(*metrics.bands[0].t20_s, 0.48135, 0.05 * 0.48135) << rate_hz;
@@ -130,13 +130,13 @@ TEST(H33_OneSampleAndNone, OneWorksAndNoneIsRefused) {
     for (const float sample : rir.samples) EXPECT_TRUE(std::isfinite(sample) && sample != 0.f);
     expect_sound(measure(rir, 0.0));
   }
-  AcousticConfig none;
-  none.rir_length_s = 0;  // in a config: as long as the decay needs
-  EXPECT_GE(AcousticScene(rooms::shoe1(0.2, 0.5), none).config().rir_length_s, 0.1f);
-  EXPECT_THROW((void)make_synthesis_tables(none, BandLayout::octaves(16000.f), ChannelLayout::mono, nullptr), InputError);
+  AcousticConfig automatic_length;
+  automatic_length.rir_length_s = 0;  // in a config: as long as the decay needs
+  EXPECT_GE(AcousticScene(rooms::shoe1(0.2, 0.5), automatic_length).config().rir_length_s, 0.1f);
+  EXPECT_THROW((void)make_synthesis_tables(automatic_length, BandLayout::octaves(16000.f), ChannelLayout::mono, nullptr), InputError);
   for (const float bad : {-1.f, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 60.001f}) {
-    none.rir_length_s = bad;
-    EXPECT_THROW(AcousticScene(rooms::shoe1(0.2, 0.5), none), InputError) << bad;
+    automatic_length.rir_length_s = bad;
+    EXPECT_THROW(AcousticScene(rooms::shoe1(0.2, 0.5), automatic_length), InputError) << bad;
   }
 }
 
@@ -201,11 +201,11 @@ TEST(H48_NumberOfRays, TwoToThe31IsRefusedAndOneLessIsPlanned) {
   config.rays = std::numeric_limits<int>::max();
   config.source_rays = 1 << 17;
   const auto scene = effects::two_rooms(9, 4, 3, 0.9, effects::material(0.15, 0.4), effects::material(0.15, 0.4, 0.05));
-  const AcousticScene many(scene, config);
-  AcousticConfig some = config;
-  some.rays = 1 << 20;
-  EXPECT_EQ(many.plan().traced_transmission, AcousticScene(scene, some).plan().traced_transmission);
-  for (const EffectDecision& decision : many.plan().decisions) EXPECT_GE(decision.saved_ms, 0.0) << decision.effect;
+  const AcousticScene many_scene(scene, config);
+  AcousticConfig some_config = config;
+  some_config.rays = 1 << 20;
+  EXPECT_EQ(many_scene.plan().traced_transmission, AcousticScene(scene, some_config).plan().traced_transmission);
+  for (const EffectDecision& decision : many_scene.plan().decisions) EXPECT_GE(decision.saved_ms, 0.0) << decision.effect;
 }
 
 TEST(H48_NumberOfRays, ManyAreTracedInBlocksWithoutLosingEnergy) {

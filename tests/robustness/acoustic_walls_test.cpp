@@ -32,8 +32,8 @@ TEST(H18_GrazingRays, NoSingleContributionIsAFirefly) {
     double sum = 0, largest = 0;
     EnergyResponse response;
     for (int ray = 0; ray < kRays; ++ray) {
-      const AcousticScene one = heard.scene.with_rays(1, static_cast<std::uint64_t>(ray));
-      compute_energy_response(one, heard.candidates, rooms::shoe1_listener(), response);
+      const AcousticScene single_ray = heard.scene.with_rays(1, static_cast<std::uint64_t>(ray));
+      compute_energy_response(single_ray, heard.candidates, rooms::shoe1_listener(), response);
       ASSERT_EQ(response.stats.nonfinite_dropped, 0u);
       const double energy = late_energy(response);
       sum += energy;

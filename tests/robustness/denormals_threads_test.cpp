@@ -88,12 +88,12 @@ std::vector<float> dying_field(int threads) {
 
 TEST(H39_Denormals, BitsAreThoseOfAnyThreadAndAnyCallersSetting) {
   const tbb::global_control most(tbb::global_control::max_allowed_parallelism, 3);
-  const std::vector<float> one = dying_field(1);
-  for (const float value : one) ASSERT_FALSE(has_denormal_bits(value));
-  EXPECT_EQ(dying_field(3), one);
+  const std::vector<float> one_thread = dying_field(1);
+  for (const float value : one_thread) ASSERT_FALSE(has_denormal_bits(value));
+  EXPECT_EQ(dying_field(3), one_thread);
   const FlushDenormals flush;
-  EXPECT_EQ(dying_field(1), one);
-  EXPECT_EQ(dying_field(3), one);
+  EXPECT_EQ(dying_field(1), one_thread);
+  EXPECT_EQ(dying_field(3), one_thread);
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ TEST(H9_FarFromTheOrigin, OddCoordinatesAreExactToAFloatNearZero) {
   }
 }
 
-// The rest hold floats: what they cannot tell apart is lost before we read it, and the report says how much that is.
+// The rest hold floats: differences below their precision are lost before reading, and the report states the loss.
 TEST(H9_FarFromTheOrigin, FilesOfFloatsSayHowCoarseTheyAre) {
   const DoubleMesh far = box({5.3, 3.3, 4.3}, glm::dvec3(1e6, 0, 0));
   for (const auto& [name, bytes] :
@@ -159,7 +159,8 @@ TEST(H9_FarFromTheOrigin, ResultsAreThoseAtTheOrigin) {
   }
 }
 
-// An offset that is no whole number shifts the room inside its first metre, so every coordinate rounds differently.  Arrivals keep to 1e-6.
+// An offset that is not a whole number shifts the room inside its first metre, so every coordinate rounds differently.  Arrivals keep to
+// 1e-6.
 // Of 2,000 traced rays with their tens of bounces one or two meet the other wall at an edge: 3e-5 of the energy, far below their noise of 2
 // %.
 TEST(H9_FarFromTheOrigin, ResultsAtOddOffsetsDifferByRoundingOnly) {

@@ -25,7 +25,7 @@ std::string refusal(Action action) {
   return message_of<InputError>(action);
 }
 
-// A million brackets: what walks such a tree (Json::dump for a message, for a checksum) calls itself a million times.
+// A million brackets: a recursive walk of this tree (Json::dump for a message, for a checksum) is a million calls deep.
 TEST(X_DeepTexts, JsonIsRefusedBeforeItIsParsed) {
   const std::string brackets(1'000'000, '[');
   const std::string closed = brackets + std::string(brackets.size(), ']');

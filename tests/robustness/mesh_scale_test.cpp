@@ -115,7 +115,7 @@ TEST(H11_HugeRoom, LongestResponseInAHugeRoom) {
   EXPECT_EQ(response.stats.ray_efficiency(), 1.0);
 }
 
-// From beyond all scenes, or from no number: no answer that is none, and no end of the process (Embree's, at 1e30 m).
+// From beyond all scenes, or from a position that is not finite: a valid answer, and no crash (Embree's, at 1e30 m).
 TEST(X_RayFromNowhere, MeetsNothing) {
   const auto scene = scene_of(box({5, 3, 4}));
   const EmbreeScene& rays = scene->rays();

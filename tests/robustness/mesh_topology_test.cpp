@@ -83,15 +83,15 @@ TEST(H7_BadTopology, WindingAndSharedWallsDoNotChangeTheSound) {
     compute_energy_response(acoustics, EarlyCandidates(acoustics, glm::vec3(1.2f, 1.1f, 1.5f)), {3.8f, 1.6f, 2.3f}, response);
     return response;
   };
-  const DoubleMesh one = box({5, 3, 4});
-  DoubleMesh flipped = one;
+  const DoubleMesh single_box = box({5, 3, 4});
+  DoubleMesh flipped = single_box;
   for (std::size_t i = 0; i < flipped.triangles.size(); i += 2) std::swap(flipped.triangles[i].y, flipped.triangles[i].z);
-  DoubleMesh attached = one;  // a second box behind the wall x = 5, that shares its corners: four triangles on its edges
+  DoubleMesh attached = single_box;  // a second box behind the wall x = 5, that shares its corners: four triangles on its edges
   for (const glm::dvec3 corner : {glm::dvec3(8, 0, 0), {8, 3, 0}, {8, 0, 4}, {8, 3, 4}}) attached.vertices.push_back(corner);
   for (const glm::uvec3 t :
        {glm::uvec3(1, 8, 9), {1, 9, 3}, {5, 11, 10}, {5, 7, 11}, {1, 5, 10}, {1, 10, 8}, {3, 9, 11}, {3, 11, 7}, {8, 10, 11}, {8, 11, 9}})
     attached.triangles.push_back(t);
-  const EnergyResponse expected = respond(one);
+  const EnergyResponse expected = respond(single_box);
   for (const auto& [name, mesh] : {std::pair{"flipped", flipped}, {"attached", attached}}) {
     const EnergyResponse response = respond(mesh);
     ASSERT_EQ(response.arrivals.size(), expected.arrivals.size()) << name;

@@ -212,15 +212,15 @@ TEST(H6_CoplanarOverlap, ReciprocityHoldsOverAnOverlap) {
   config.diffraction = Switch::off;
   const AcousticScene acoustics(scene, config);
   const glm::vec3 a(0.4f, 1.3f, 0.2f), b(-0.7f, 1.1f, -0.5f);
-  EnergyResponse there, back;
-  compute_energy_response(acoustics, EarlyCandidates(acoustics, a), b, there);
-  compute_energy_response(acoustics, EarlyCandidates(acoustics, b), a, back);
-  ASSERT_EQ(there.arrivals.size(), 2u) << "direct and one reflection";
-  ASSERT_EQ(back.arrivals.size(), 2u);
-  for (std::size_t i = 0; i < 2; ++i) EXPECT_FLOAT_EQ(there.arrivals[i].amplitude[0], back.arrivals[i].amplitude[0]);
+  EnergyResponse forward, backward;
+  compute_energy_response(acoustics, EarlyCandidates(acoustics, a), b, forward);
+  compute_energy_response(acoustics, EarlyCandidates(acoustics, b), a, backward);
+  ASSERT_EQ(forward.arrivals.size(), 2u) << "direct and one reflection";
+  ASSERT_EQ(backward.arrivals.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_FLOAT_EQ(forward.arrivals[i].amplitude[0], backward.arrivals[i].amplitude[0]);
   // The soft one has the lowest id: amplitude sqrt(1 - 0.9) / (4 pi r).
-  const double r = there.arrivals[1].distance_m;
-  EXPECT_NEAR(there.arrivals[1].amplitude[0] * 4 * 3.14159265358979 * r, std::sqrt(0.1), 1e-5);
+  const double r = forward.arrivals[1].distance_m;
+  EXPECT_NEAR(forward.arrivals[1].amplitude[0] * 4 * 3.14159265358979 * r, std::sqrt(0.1), 1e-5);
 }
 
 // One wall of a thousand kilometres: vertices of the chairs stay apart.

@@ -86,7 +86,7 @@ TEST(H27_TransmissionAboveAbsorption, IsRefusedOrLoweredAndReported) {
   for (const float hz : {63.f, 125.f, 500.f, 4000.f, 8000.f})
     EXPECT_LE(database.find("felt")->transmission.at(hz), database.find("felt")->absorption.at(hz)) << hz;
   EXPECT_FLOAT_EQ(database.find("felt")->transmission.at(4000), 0.5f);
-  // A scene takes such a table and says so.
+  // A scene accepts this table with a warning.
   const TempFolder folder;
   folder.write("room.obj", obj_text(box({5, 3, 4})));
   folder.write("db.json", R"({"materials": [{"name": "default", "labels": ["default"], )" + std::string(curves) + "}]}");

@@ -13,7 +13,7 @@
 namespace earshot {
 namespace {
 
-/// 0 if the header compiles with these flags; -1: there is no compiler.
+/// 0 if the header compiles with these flags; -1 without a compiler.
 int exit_code_with(const std::string& flags) {
   const char* compiler = std::getenv("CXX");
   const std::string program = compiler != nullptr && *compiler != 0 ? compiler : "c++";

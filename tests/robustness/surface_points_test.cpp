@@ -89,8 +89,8 @@ double late_energy(const EnergyResponse& response) {
 TEST(H16_OnASurface, ResponseIsThatOfTheSpaceBeforeIt) {
   const glm::vec3 other(2.2f, 1.3f, 1.9f);
   for (const Place& place : kPlaces) {
-    const EnergyResponse there = respond(other, place.point), back = respond(place.point, other);
-    for (const EnergyResponse* response : {&there, &back}) {
+    const EnergyResponse forward = respond(other, place.point), backward = respond(place.point, other);
+    for (const EnergyResponse* response : {&forward, &backward}) {
       ASSERT_FALSE(response->arrivals.empty()) << place.name;
       ASSERT_EQ(response->arrivals[0].kind, ArrivalKind::direct) << place.name;
       const double r = glm::length(other - place.point);
@@ -98,13 +98,13 @@ TEST(H16_OnASurface, ResponseIsThatOfTheSpaceBeforeIt) {
     }
     const double walls = place.inward.x + place.inward.y + place.inward.z, inside = std::exp2(-walls);
     // Of all rays the fraction outside leaves with its first segment; nothing else does.  Four sigma.
-    EXPECT_NEAR(static_cast<double>(there.stats.ray_escapes) / kRays, 1 - inside, 4 * std::sqrt(inside * (1 - inside) / kRays))
+    EXPECT_NEAR(static_cast<double>(forward.stats.ray_escapes) / kRays, 1 - inside, 4 * std::sqrt(inside * (1 - inside) / kRays))
         << place.name;
-    EXPECT_EQ(back.stats.ray_escapes, 0u) << place.name;
+    EXPECT_EQ(backward.stats.ray_escapes, 0u) << place.name;
     // Sound goes both ways alike (O-17), and the two are found by different rays: 2 % of noise each.
-    ASSERT_GT(late_energy(back), 0) << place.name;
+    ASSERT_GT(late_energy(backward), 0) << place.name;
     if (walls == 1) {
-      EXPECT_NEAR(late_energy(there) / late_energy(back), 1, 0.1) << place.name;
+      EXPECT_NEAR(late_energy(forward) / late_energy(backward), 1, 0.1) << place.name;
     }
   }
 }

@@ -79,12 +79,12 @@ TEST(OracleO6, MirrorsThroughTheSourceVolume) {
       energy.push_back(total), drr_db.push_back(10 * std::log10(direct / (total - direct)));
       t20_s.push_back(decay::time_s(heard, kBinS, -5, -25)), t30_s.push_back(decay::time_s(heard, kBinS, -5, -35));
     }
-    const auto compare = [&](const char* what, std::span<const double> values, double exact, double model, double largest_sigma) {
+    const auto compare = [&](const char* metric, std::span<const double> values, double exact, double model, double largest_sigma) {
       const decay::Estimate traced = decay::estimate(values);
-      std::printf("corridor x = %2.0f m %-6s images %.5g, traced %.5g +- %.2g (%.2f sigma)\n", row.listener_x, what, exact, traced.mean,
+      std::printf("corridor x = %2.0f m %-6s images %.5g, traced %.5g +- %.2g (%.2f sigma)\n", row.listener_x, metric, exact, traced.mean,
                   traced.standard_error, (traced.mean - exact) / traced.standard_error);
-      EXPECT_NEAR(traced.mean, exact, 3.5 * traced.standard_error + model) << what << " at " << row.listener_x;
-      EXPECT_LT(traced.standard_error, largest_sigma) << what;
+      EXPECT_NEAR(traced.mean, exact, 3.5 * traced.standard_error + model) << metric << " at " << row.listener_x;
+      EXPECT_LT(traced.standard_error, largest_sigma) << metric;
     };
     // `model`: the table's own 2 % for decay times; 1 % of energy for the mean over the source volume and for what comes after 3.2 s.
     const double total = std::pow(10, 0.1 * row.level_db) * decay::direct_energy(1);

@@ -77,12 +77,12 @@ TEST(OracleO4, MirrorsOfSixMaterialsPerOctave) {
   }
   for (int band = 0; band < shoe2::kBands; ++band) {
     // `model`: the late field is a mean over the source volume, the record ends at 2.4 s (-50 dB in the slowest octave).
-    const auto compare = [&](const char* what, std::span<const double> values, double exact, double model, double largest_sigma) {
+    const auto compare = [&](const char* metric, std::span<const double> values, double exact, double model, double largest_sigma) {
       const decay::Estimate traced = decay::estimate(values);
-      std::printf("SHOE-2 mirrors, band %d %-10s images %.5g, traced %.5g +- %.2g (%.2f sigma)\n", band, what, exact, traced.mean,
+      std::printf("SHOE-2 mirrors, band %d %-10s images %.5g, traced %.5g +- %.2g (%.2f sigma)\n", band, metric, exact, traced.mean,
                   traced.standard_error, (traced.mean - exact) / traced.standard_error);
-      EXPECT_NEAR(traced.mean, exact, 3.5 * traced.standard_error + model) << what << " in band " << band;
-      EXPECT_LT(traced.standard_error, largest_sigma) << what << " in band " << band;
+      EXPECT_NEAR(traced.mean, exact, 3.5 * traced.standard_error + model) << metric << " in band " << band;
+      EXPECT_LT(traced.standard_error, largest_sigma) << metric << " in band " << band;
     };
     compare("DRR", traced_drr[band], drr_db[band], 0.05, 0.1);
     compare("T20", traced_t20[band], t20_s[band], 0.005 * t20_s[band], 0.03 * t20_s[band]);

@@ -155,13 +155,13 @@ TEST(OriginalDefects, TwoListenersInOneSceneDoNotDisturbEachOther) {
   HearingEngines engines = engines_of(config);
   const LibrarySound clip(synthesize_sound("synth:noise", 16000));
   const auto source = scenes.source("shoebox:5x3x4@0.2", {1.2f, 0, 1.5f}, 1.5f);
-  const Pose one{.position = {2.5f, 0, 2.0f}}, two{.position = {4.1f, 0, 0.9f}, .heading_rad = 2};
+  const Pose first_pose{.position = {2.5f, 0, 2.0f}}, second_pose{.position = {4.1f, 0, 0.9f}, .heading_rad = 2};
   AgentHearing alone, first, second;
-  const std::vector<float> expected = first_block(alone, engines, *source, clip, one);
+  const std::vector<float> expected = first_block(alone, engines, *source, clip, first_pose);
   const PlayedSound played{.source = source.get(), .sound = &clip};
   first.begin(std::span(&played, 1)), second.begin(std::span(&played, 1));
-  first.trace(engines, one, 1.5f, 2400), second.trace(engines, two, 1.5f, 2400);
-  second.synthesize(engines, two.heading_rad), first.synthesize(engines, one.heading_rad);
+  first.trace(engines, first_pose, 1.5f, 2400), second.trace(engines, second_pose, 1.5f, 2400);
+  second.synthesize(engines, second_pose.heading_rad), first.synthesize(engines, first_pose.heading_rad);
   std::vector<float> of_first(4800), of_second(4800), window(2 * 16000);
   EXPECT_TRUE(second.convolve(engines, 2400, of_second, window));
   EXPECT_TRUE(first.convolve(engines, 2400, of_first, window));

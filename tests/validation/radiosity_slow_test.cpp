@@ -64,13 +64,13 @@ void expect_agreement(AcousticConfig config, int seeds, const char* name) {
     const Parameters p = parameters(h.band_energy(0), kTracerBinS);
     energy.push_back(p.energy), drr_db.push_back(p.drr_db), t20_s.push_back(p.t20_s), t30_s.push_back(p.t30_s);
   }
-  const auto compare = [&](const char* what, std::span<const double> values, double expected, double largest_error, double own_error) {
+  const auto compare = [&](const char* metric, std::span<const double> values, double expected, double largest_error, double own_error) {
     const decay::Estimate traced = decay::estimate(values);
-    std::printf("%s %-6s radiosity %.6g, traced %.6g +- %.2g (%.2f sigma)\n", name, what, expected, traced.mean, traced.standard_error,
+    std::printf("%s %-6s radiosity %.6g, traced %.6g +- %.2g (%.2f sigma)\n", name, metric, expected, traced.mean, traced.standard_error,
                 (traced.mean - expected) / traced.standard_error);
     // own_error: what patches of a third of a metre leave after extrapolation (0.02 % in energy, 0.05 % in time, by the oracles).
-    EXPECT_NEAR(traced.mean, expected, 3 * traced.standard_error + own_error) << what;
-    EXPECT_LT(traced.standard_error, largest_error) << what;
+    EXPECT_NEAR(traced.mean, expected, 3 * traced.standard_error + own_error) << metric;
+    EXPECT_LT(traced.standard_error, largest_error) << metric;
   };
   compare("energy", energy, exact.energy, 0.005 * exact.energy, 2e-4 * exact.energy);
   compare("DRR", drr_db, exact.drr_db, 0.02, 0.001);

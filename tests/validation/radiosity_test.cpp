@@ -57,8 +57,8 @@ TEST(OracleO10, RadiositySolverHitsTheExactLambertBoxes) {
 
 TEST(OracleO17, RadiositySolverIsReciprocal) {
   const Solver solver(shoe1(0.05, 0.6), 1);
-  const double there = solver.steady_energy(kSource, kListener), back = solver.steady_energy(kListener, kSource);
-  EXPECT_NEAR(there, back, 1e-10 * there);  // exact for any patches; the iteration stops at 1e-13 of change
+  const double forward = solver.steady_energy(kSource, kListener), backward = solver.steady_energy(kListener, kSource);
+  EXPECT_NEAR(forward, backward, 1e-10 * forward);  // exact for any patches; the iteration stops at 1e-13 of change
 }
 
 TEST(OracleO10, TimeSeriesOfTheRadiositySolverHasTheLaplaceSums) {

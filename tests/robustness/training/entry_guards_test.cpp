@@ -76,10 +76,10 @@ TEST(G7_Sampling, FromWeightsThatAreNotFiniteIsRefusedAndNamesTheEnv) {
   }
   Actor actor(policy, 0, kEnvs);
   const PolicyOutput& output = actor.observe(goals(noise({kEnvs, 2}, 5, 5, 5)));
-  const std::vector<ActingEnv> who{{7, 1, 2}, {8, 1, 2}, {9, 1, 2}, {10, 1, 2}};
+  const std::vector<ActingEnv> acting_envs{{7, 1, 2}, {8, 1, 2}, {9, 1, 2}, {10, 1, 2}};
   std::vector<std::int32_t> actions(kEnvs);
   try {
-    sample_actions(output.logits, who, 1, actions);
+    sample_actions(output.logits, acting_envs, 1, actions);
     FAIL() << "sampled";
   } catch (const RunError& error) {
     EXPECT_NE(std::string(error.what()).find("env 7, episode 1, step 2"), std::string::npos) << error.what();

@@ -10,7 +10,7 @@
 namespace earshot::faults {
 namespace {
 
-/// Update 0 has no fault; update 1 + 3 v + r has value v at worker r; the last has none.
+/// Update 0 has no fault; update 1 + 3 v + r has value v at worker r; the last update has no fault.
 struct Plan {
   std::vector<float> values;
   [[nodiscard]] int updates() const { return 2 + kWorkers * static_cast<int>(values.size()); }
@@ -30,10 +30,10 @@ void expect_skipped_alike(const Plan& plan, const Seams& seams, int spoiled, Ski
     const std::vector<SkippedStep>& first = outcomes[0].updates[u].skipped;
     for (int rank = 0; rank < kWorkers; ++rank) {
       const UpdateStats& stats = outcomes[static_cast<std::size_t>(rank)].updates[u];
-      const bool own = plan.faulty(update) && cause == SkipCause::gradient && rank == plan.faulty_rank(update);
+      const bool is_own_fault = plan.faulty(update) && cause == SkipCause::gradient && rank == plan.faulty_rank(update);
       ASSERT_EQ(stats.skipped_steps, plan.faulty(update) ? spoiled : 0) << "update " << update << ", worker " << rank;
       EXPECT_EQ(stats.taken_steps, 4 - stats.skipped_steps);
-      EXPECT_EQ(stats.non_finite_here, own ? spoiled : 0) << "update " << update << ", worker " << rank;
+      EXPECT_EQ(stats.non_finite_here, is_own_fault ? spoiled : 0) << "update " << update << ", worker " << rank;
       EXPECT_TRUE(std::isfinite(stats.policy_loss) && std::isfinite(stats.value_loss) && std::isfinite(stats.gradient_norm));
       for (std::size_t i = 0; i < stats.skipped.size(); ++i) {
         EXPECT_EQ(stats.skipped[i].epoch, first[i].epoch);

@@ -30,8 +30,8 @@ class FaultyRun : public TrainingRun {
     const RunConfig config = config_with({"total_steps=" + std::to_string(updates * kWorkers * kEnvsPerWorker * kRolloutSteps)});
     const auto ring = make_zmq_ring(ring_in(folder_, rank, kWorkers));
     int call = 0;
-    const auto damage = [&](const auto& of, std::span<float> gradient) {
-      if (of) of(rank, call, gradient);
+    const auto damage = [&](const auto& event, std::span<float> gradient) {
+      if (event) event(rank, call, gradient);
     };
     HookedCollective collective(
         *ring, [&](std::span<float> gradient) { damage(faults.before, gradient); },
@@ -93,10 +93,10 @@ TEST_F(FaultyRun, ThatTakesNoStepIsEnded) {
       run(rank, 100, faults);
     } catch (const RunError& error) {
       // Whoever says so first stops the others, which may still be on their way to say the same.
-      const std::string what = error.what();
-      const bool own = what.find("20 updates in a row had no optimizer step") != std::string::npos;
-      reasons[0] += own;
-      return own || what.find("stopped the run") != std::string::npos;
+      const std::string message = error.what();
+      const bool is_own_error = message.find("20 updates in a row had no optimizer step") != std::string::npos;
+      reasons[0] += is_own_error;
+      return is_own_error || message.find("stopped the run") != std::string::npos;
     }
     return false;
   });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A run of eight workers on four hosts, each host a network namespace, that trains on without one worker killed, one stopped, and one host
-// whose cable is pulled: how long each takes, that those that are left hold the same bits, and what is on disk.
+// whose cable is pulled: checks the time of each, equal bits on the remaining workers, and the files.
 #include <gtest/gtest.h>
 
 #include <atomic>

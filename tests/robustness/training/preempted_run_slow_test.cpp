@@ -96,10 +96,10 @@ TEST_F(PreemptedRun, ASlowWorkerMakesShorterRolloutsAndHoldsUpNoOther) {
   for (const CurvePoint& point : preempted) {
     double steps = 0;
     for (int rank = 0; rank < kWorld; ++rank) {
-      const double own = of_worker(point, rank, "rollout_steps");
-      EXPECT_GE(own, kRolloutSteps / 4) << rank;
-      EXPECT_LE(own, kRolloutSteps) << rank;
-      steps += own;
+      const double own_steps = of_worker(point, rank, "rollout_steps");
+      EXPECT_GE(own_steps, kRolloutSteps / 4) << rank;
+      EXPECT_LE(own_steps, kRolloutSteps) << rank;
+      steps += own_steps;
     }
     const double slow_steps = of_worker(point, kSlow, "rollout_steps"), slow_s = of_worker(point, kSlow, "collect_s");
     EXPECT_LT(slow_steps, kRolloutSteps) << "update " << point.update;

@@ -51,14 +51,14 @@ inline AcousticConfig bidirectional_config(int rays) {
 }
 
 /// Within `sigmas` standard errors, which must themselves be below `fraction` of the value: tight enough to see a lost factor.
-inline void expect_near(const Sample& sample, double expected, double sigmas, double fraction, const char* what = "") {
-  EXPECT_NEAR(sample.mean, expected, sigmas * sample.standard_error) << what << ": standard error " << sample.standard_error;
-  EXPECT_LT(sample.standard_error, fraction * expected) << what;
+inline void expect_near(const Sample& sample, double expected, double sigmas, double fraction, const char* message = "") {
+  EXPECT_NEAR(sample.mean, expected, sigmas * sample.standard_error) << message << ": standard error " << sample.standard_error;
+  EXPECT_LT(sample.standard_error, fraction * expected) << message;
 }
-inline void expect_same(const Sample& a, const Sample& b, double sigmas, double fraction, const char* what = "") {
+inline void expect_same(const Sample& a, const Sample& b, double sigmas, double fraction, const char* message = "") {
   const double error = std::hypot(a.standard_error, b.standard_error);
-  EXPECT_NEAR(a.mean, b.mean, sigmas * error) << what << ": standard errors " << a.standard_error << ", " << b.standard_error;
-  EXPECT_LT(error, fraction * a.mean) << what;
+  EXPECT_NEAR(a.mean, b.mean, sigmas * error) << message << ": standard errors " << a.standard_error << ", " << b.standard_error;
+  EXPECT_LT(error, fraction * a.mean) << message;
 }
 
 }  // namespace earshot::rooms

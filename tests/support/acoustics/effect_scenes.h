@@ -15,7 +15,7 @@
 #include "sim/scene/air_sample.h"
 #include "tests/support/acoustics/rooms.h"
 
-/// The scenes that an effect plan is judged by (docs/explanation/effect_bounds.md, section 5), and how far two responses are apart.
+/// Scenes for tests of the effect plan (docs/explanation/effect_bounds.md, section 5), and the difference of two responses.
 namespace earshot::effects {
 
 using rooms::point;

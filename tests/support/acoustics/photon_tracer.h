@@ -41,8 +41,8 @@ inline Sample photon_energy(const PhotonRoom& room, glm::dvec3 source, glm::dvec
       double step_m = 1e9;
       int axis = 0;
       for (int i = 0; i < 3; ++i) {
-        const double here = ((direction[i] > 0 ? high[i] : low[i]) - position[i]) / direction[i];
-        if (here < step_m) step_m = here, axis = i;
+        const double wall_m = ((direction[i] > 0 ? high[i] : low[i]) - position[i]) / direction[i];
+        if (wall_m < step_m) step_m = wall_m, axis = i;
       }
       if (!straight) {
         const glm::dvec3 to = listener - position;

@@ -43,10 +43,10 @@ inline std::string head_file(const HeadFile& head) {
     file.add_dimension(name, size);
   const NetcdfFile::Attributes cartesian{{"Type", "cartesian"}, {"Units", "metre"}};
   const NetcdfFile::Attributes spherical{{"Type", "spherical"}, {"Units", "degree, degree, metre"}};
-  const auto one = [](glm::dvec3 v) { return std::vector<double>{v.x, v.y, v.z}; };
-  file.add_variable("ListenerPosition", "IC", one(head.position), cartesian);
-  file.add_variable("ListenerView", "IC", one(head.view), cartesian);
-  file.add_variable("ListenerUp", "IC", one(head.up));
+  const auto components = [](glm::dvec3 v) { return std::vector<double>{v.x, v.y, v.z}; };
+  file.add_variable("ListenerPosition", "IC", components(head.position), cartesian);
+  file.add_variable("ListenerView", "IC", components(head.view), cartesian);
+  file.add_variable("ListenerUp", "IC", components(head.up));
   const double side = head.right_named_first ? -0.09 : 0.09;
   file.add_variable("ReceiverPosition", "RCI", std::vector<double>{0, side, 0, 0, -side, 0}, cartesian);
   file.add_variable("SourcePosition", "MC", head.sources, head.spherical ? spherical : cartesian);

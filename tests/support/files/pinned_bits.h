@@ -89,9 +89,9 @@ inline void expect_pinned(const Key& key, const BitHash& bits) {
 
 /// Of a stage that traces rays and uses these libraries too.  The bits of one are those of every instruction set of Embree's.
 inline void expect_pinned_rays(const std::string& stage, const BitHash& bits, std::initializer_list<std::string> libraries) {
-  std::string of = toolchain({ray_tracer()});
-  for (const std::string& library : libraries) of += "/" + library;
-  expect_pinned({stage, of, processor()}, bits);
+  std::string toolchain_name = toolchain({ray_tracer()});
+  for (const std::string& library : libraries) toolchain_name += "/" + library;
+  expect_pinned({stage, toolchain_name, processor()}, bits);
 }
 
 }  // namespace earshot::pinned

@@ -40,7 +40,7 @@ class HostNamespaces {
   HostNamespaces(const HostNamespaces&) = delete;
   HostNamespaces& operator=(const HostNamespaces&) = delete;
 
-  /// Why there are none; empty if there are.
+  /// Reason why hosts are unavailable; empty if they are available.
   [[nodiscard]] const std::string& missing() const { return missing_; }
   [[nodiscard]] static std::string address(int host) { return "10.77.0." + std::to_string(host + 1); }
   [[nodiscard]] static std::string address_ipv6(int host) { return "[fd77::" + std::to_string(host + 1) + "]"; }
@@ -58,7 +58,9 @@ class HostNamespaces {
     run(inside(name_of_switch()) + "ip link set port" + std::to_string(host) + (up ? " up" : " down"));
   }
   /// Delay and loss of what the host sends, as `tc netem` takes them; false where the kernel has no netem.
-  [[nodiscard]] bool disturb(int host, const std::string& how) const { return run(on(host) + "tc qdisc add dev eth0 root netem " + how); }
+  [[nodiscard]] bool disturb(int host, const std::string& disturbance) const {
+    return run(on(host) + "tc qdisc add dev eth0 root netem " + disturbance);
+  }
 
  private:
   [[nodiscard]] std::string name_of(int host) const { return prefix_ + std::to_string(host); }

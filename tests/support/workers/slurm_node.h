@@ -80,7 +80,7 @@ class SlurmNode {
   SlurmNode(const SlurmNode&) = delete;
   SlurmNode& operator=(const SlurmNode&) = delete;
 
-  /// Why there is none; empty if there is.
+  /// Reason why Slurm is unavailable; empty if it is available.
   [[nodiscard]] const std::string& missing() const { return missing_; }
 
  private:

@@ -50,11 +50,11 @@ class TrainingRun : public testing::Test {
     ADD_FAILURE() << "no curve " << curve;
     return -1;
   }
-  static void expect_same_learner(const Checkpoint& one, const Checkpoint& other) {
-    ASSERT_EQ(one.optimizer.size(), other.optimizer.size());
-    for (const auto& [name, tensor] : one.weights) EXPECT_TRUE(torch::equal(tensor, other.weights.at(name))) << name;
-    for (const auto& [name, tensor] : one.optimizer) EXPECT_TRUE(torch::equal(tensor, other.optimizer.at(name))) << name;
-    EXPECT_EQ(one.env_states, other.env_states);
+  static void expect_same_learner(const Checkpoint& first, const Checkpoint& second) {
+    ASSERT_EQ(first.optimizer.size(), second.optimizer.size());
+    for (const auto& [name, tensor] : first.weights) EXPECT_TRUE(torch::equal(tensor, second.weights.at(name))) << name;
+    for (const auto& [name, tensor] : first.optimizer) EXPECT_TRUE(torch::equal(tensor, second.optimizer.at(name))) << name;
+    EXPECT_EQ(first.env_states, second.env_states);
   }
 
   PrivateTestFolder folder_;

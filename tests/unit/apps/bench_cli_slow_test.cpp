@@ -81,8 +81,8 @@ TEST_F(BenchCli, HearingComparesRaysWithTheField) {
   ASSERT_EQ(earshot("bench hearing --quick --scene house:5,rooms=2,area_m2=24 --json " + file("hearing.json")), 0) << read("stderr");
   const std::set<std::string> names = names_in("hearing.json", "hearing");
   for (const char* mode : {"rays16", "rays64", "rays256", "field"})
-    for (const char* what : {"steps_per_s", "rt60_error_pct.rir", "rt60_error_pct.energy", "spectrogram_error_db", "source_ms"})
-      EXPECT_EQ(names.count("hearing." + std::string(mode) + "." + what), 1u) << mode << what;
+    for (const char* metric : {"steps_per_s", "rt60_error_pct.rir", "rt60_error_pct.energy", "spectrogram_error_db", "source_ms"})
+      EXPECT_EQ(names.count("hearing." + std::string(mode) + "." + metric), 1u) << mode << metric;
   EXPECT_THAT(read("stdout"), testing::HasSubstr("| source field |"));
 }
 

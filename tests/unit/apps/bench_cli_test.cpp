@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs the benchmarks as a script does: names, layout of the JSON, exit codes.  The numbers of such short runs mean nothing.
+// Runs the benchmarks as a script does: names, layout of the JSON, exit codes.  The numbers of these short runs have no meaning.
 
 #include "tests/support/programs/bench_cli.h"
 

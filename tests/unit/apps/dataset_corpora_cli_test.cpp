@@ -88,7 +88,7 @@ TEST_F(DatasetCorporaCli, SpeechThroughACorpusByShardsOfTheTemplate) {
   expect_refused(signals + path("whole") + " --seed 9", "'seed: 0' there, 'seed: 9' here");
 }
 
-/// By how many samples the second sound lags the first, and the largest difference of samples as a fraction of the peak.  A lag is that of
+/// Lag of the second sound in samples, and the largest difference of samples as a fraction of the peak.  A lag is that of
 /// the phase, by least squares weighted with the energy.
 struct Lag {
   double samples = 0, difference = 0;

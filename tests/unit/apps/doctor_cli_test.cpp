@@ -28,11 +28,11 @@ using testing::StartsWith;
 struct Report {
   int exit_code = -1;
   std::string text;  ///< standard output and error
-  /// The line that is about `what`.
-  [[nodiscard]] std::string line(const std::string& what) const {
+  /// The line that is about `check`.
+  [[nodiscard]] std::string line(const std::string& check) const {
     std::istringstream lines(text);
     for (std::string line; std::getline(lines, line);)
-      if (line.size() > 6 && line.substr(6).starts_with(what + " ")) return line;
+      if (line.size() > 6 && line.substr(6).starts_with(check + " ")) return line;
     return {};
   }
 };

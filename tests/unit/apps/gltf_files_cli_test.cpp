@@ -121,10 +121,10 @@ TEST_F(MeshCli, GltfInstancesAreCountedByAnyAttribute) {
     file.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
     return write("own.gltf", file.gltf());
   };
-  const std::string one = with_attributes([](GltfWriter& file) {
+  const std::string first_file = with_attributes([](GltfWriter& file) {
     return nlohmann::json{{"_FEATURE_ID_0", file.add_accessor(file.add_view(std::vector<float>{7}), 1, 5126, "SCALAR")}};
   });
-  EXPECT_EQ(scene(one).at("triangles"), 12);
+  EXPECT_EQ(scene(first_file).at("triangles"), 12);
   const auto refused = [&](const std::string& mesh, const char* why) {
     const CliOutcome outcome = earshot("scene " + mesh);
     EXPECT_EQ(outcome.exit_code, 2);

@@ -75,18 +75,18 @@ std::vector<Energies> energies(const std::string& isa, const std::string& scene,
   for (const nlohmann::json& pair : document["pairs"]) {
     const nlohmann::json& strengths_db = pair["energy"]["g_db"];
     const nlohmann::json errors_db = pair["standard_error"].value("g_db", nlohmann::json::array());
-    Energies of;
+    Energies row_energies;
     double sum = 0, least = INFINITY;
     for (std::size_t band = 0; band < strengths_db.size(); ++band) {
-      of.energy.push_back(strengths_db[band].is_null() ? 0 : std::pow(10, strengths_db[band].get<double>() / 10));
+      row_energies.energy.push_back(strengths_db[band].is_null() ? 0 : std::pow(10, strengths_db[band].get<double>() / 10));
       const double error_db = band < errors_db.size() && errors_db[band].is_number() ? errors_db[band].get<double>() : 0;
-      of.tolerance_of_wider.push_back(std::max(kTolerance, std::pow(10, kOfStandardError * error_db / 10) - 1));
-      sum += of.energy.back();
-      least = std::min(least, of.tolerance_of_wider.back());
+      row_energies.tolerance_of_wider.push_back(std::max(kTolerance, std::pow(10, kOfStandardError * error_db / 10) - 1));
+      sum += row_energies.energy.back();
+      least = std::min(least, row_energies.tolerance_of_wider.back());
     }
-    of.energy.push_back(sum);
-    of.tolerance_of_wider.push_back(least);
-    result.push_back(of);
+    row_energies.energy.push_back(sum);
+    row_energies.tolerance_of_wider.push_back(least);
+    result.push_back(row_energies);
   }
   return result;
 }

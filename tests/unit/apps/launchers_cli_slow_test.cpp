@@ -42,8 +42,8 @@ class LaunchersCli : public TrainCli {
     for (const char* field : {"weights", "optimizer"}) msgpack::pack(bytes, CheckpointFields(where).field(body.get(), field));
     return hash64(std::string_view(bytes.data(), bytes.size()));
   }
-  [[nodiscard]] std::uint64_t bits_of_our_spawn(const std::string& more = "") const {
-    expect_done("train " + config_ + " --workers 2 out=" + path("ours") + more);
+  [[nodiscard]] std::uint64_t bits_of_our_spawn(const std::string& options = "") const {
+    expect_done("train " + config_ + " --workers 2 out=" + path("ours") + options);
     return bits_of("ours");
   }
   const std::string config_ = path("tiny.yaml");
@@ -58,11 +58,11 @@ TEST_F(LaunchersCli, TwoHostsWithKeysGiveTheBitsOfOne) {
            " EARSHOT_WORLD_SIZE=2 EARSHOT_RUN_ID=a EARSHOT_RENDEZVOUS=tcp://" + HostNamespaces::address(0) + ":29400 " +
            earshot_program().string() + " train " + config_ + " out=" + path("two_hosts");
   };
-  const auto both = [&](const std::string& options) { return worker(0) + options + " & " + worker(1) + options + " && wait $!"; };
+  const auto two_workers = [&](const std::string& options) { return worker(0) + options + " & " + worker(1) + options + " && wait $!"; };
   const Outcome open = shell(worker(0));
   EXPECT_EQ(open.exit_code, 2);
   EXPECT_THAT(open.text, testing::AllOf(HasSubstr("earshot keys"), HasSubstr("--insecure-network")));
-  expect_done_by(both(" network.curve_key_file=" + path("keys")));
+  expect_done_by(two_workers(" network.curve_key_file=" + path("keys")));
   EXPECT_EQ(bits_of("two_hosts"), bits_of_our_spawn());
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands of the two programs: help, words that are no command, and the way from one to the other.
+// Commands of the two programs: help, unknown commands, and the switch from one program to the other.
 
 #include "apps/program.h"
 

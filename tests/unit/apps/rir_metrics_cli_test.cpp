@@ -57,7 +57,7 @@ TEST_F(RirMetricsCli, MirroredSetUpsDifferInTheirEarsAlone) {
     const MirroredPair pair = number == 0 ? MirroredPair(5, 3, 4, {2.5, 1.6, 2.3}, 1.3, {0, 1.1, 1.5}) : MirroredPair::drawn(number);
     const nlohmann::json left = metrics(pair.room + pair.left), right = metrics(pair.room + pair.right),
                          mono = metrics(pair.room + pair.left + " --channels mono");
-    const auto drr = [](const nlohmann::json& of) { return of.at("drr_db").get<double>(); };
+    const auto drr = [](const nlohmann::json& metrics) { return metrics.at("drr_db").get<double>(); };
     EXPECT_NEAR(drr(left.at("rir")), drr(right.at("rir")), 1.0) << number;
     EXPECT_NEAR(drr(left.at("rir")), drr(mono.at("rir")), 1.0) << number;
     EXPECT_NEAR(drr(left.at("ears").at("left")), drr(right.at("ears").at("right")), 1.5) << number;

@@ -160,7 +160,7 @@ TEST_F(WalkCli, HearsAMovingSourceFromWhereItWas) {
   }
 }
 
-/// Frequency of the tone near `hz` in samples [first, first + size): by how much its phase goes on from one half to the other.
+/// Frequency of the tone near `hz` in samples [first, first + size): from the change of its phase between the two halves.
 double frequency_hz(std::span<const float> heard, std::size_t first, std::size_t size, double hz) {
   std::array<double, 2> phase{};
   const std::size_t half = size / 2;
@@ -328,7 +328,7 @@ TEST_F(WalkTails, AtRestAWalkIsItsImpulseResponse) {
   }
 }
 
-// What is left of a file that was cut within a line is no path; one cut between two lines is a shorter path, and whole.
+// A file cut within a line is invalid; a file cut between two lines is a shorter, valid path.
 TEST_F(WalkCli, PosesThatWereCutAreRefused) {
   Draw draw(7, 0);
   std::string rows = "# a walk\nt_s,x,y,z,heading_deg\n";

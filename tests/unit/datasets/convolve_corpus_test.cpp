@@ -52,7 +52,7 @@ class ConvolveCorpus : public testing::Test {
   ConvolveFiles files_{"convolve_corpus"};
 };
 
-/// Sample n of a sound after a delay that is no whole number, by the band-limited kernel of 512 samples: the inverse transform of
+/// Sample n of a sound after a fractional delay, by the band-limited kernel of 512 samples: the inverse transform of
 /// exp(-2 pi i k delay / 512), in closed form.  Of the kernel nothing sounds before the source does.
 double delayed_sample(const std::vector<float>& dry, double delay, std::size_t n) {
   constexpr int kSize = 512;
@@ -285,7 +285,7 @@ TEST_F(ConvolveCorpus, NumbersOfADamagedManifestAreRefused) {
                 HasSubstr("manifest.jsonl:1: has a number outside the valid range"));
   write_text(files_.path("corpus/manifest.jsonl"), manifest);
   EXPECT_EQ(ResponseIndex(files_.path("corpus")).sample_rate_hz(), 16000);
-  // What walks such a place calls itself once per bracket.
+  // A recursive reader calls itself once per bracket.
   const std::string deep = R"({"a":)" + std::string(100'000, '[') + std::string(100'000, ']') + "}";
   for (const char* key : {"listener", "scene"})
     EXPECT_THAT(refused("corpus/manifest.jsonl", manifest, key, deep),

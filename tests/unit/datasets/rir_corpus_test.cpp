@@ -274,17 +274,17 @@ TEST(RirCorpus, SofaFilesOfHarmonicsStateTheirLevel) {
 TEST(RirCorpus, HeadsAreDrawnPerListener) {
   RirCorpusConfig config = tiny();
   config.shoeboxes.count = 1;
-  const TestFolder one("corpus_head"), several("corpus_heads");
-  write_rir_corpus(config, {.out = one.path(), .threads = 1, .shard = {}, .progress = {}});
+  const TestFolder one_head("corpus_head"), several_heads("corpus_heads");
+  write_rir_corpus(config, {.out = one_head.path(), .threads = 1, .shard = {}, .progress = {}});
   config.hrtfs = {"sphere", "sphere"};  // two of the same: the draw shows, and no response changes
   config.listeners_per_source = 12;
-  write_rir_corpus(config, {.out = several.path(), .threads = 2, .shard = {}, .progress = {}});
+  write_rir_corpus(config, {.out = several_heads.path(), .threads = 2, .shard = {}, .progress = {}});
   const CorpusRoom room(config, 0, list_corpus_rooms(config)[0]);
   int first_head = 0;
   for (int listener = 0; listener < 12; ++listener) first_head += room.draw_listener(room.draw_source(0), 0, listener).head == 0;
   EXPECT_TRUE(first_head > 1 && first_head < 11) << first_head;
-  EXPECT_EQ(lines_of(several.path() / "manifest.jsonl").at(3)["listener"]["hrtf"], "sphere");
-  EXPECT_TRUE(read_file(one.path() / "00000/000000_s01_l0002.wav") == read_file(several.path() / "00000/000000_s01_l0002.wav"));
+  EXPECT_EQ(lines_of(several_heads.path() / "manifest.jsonl").at(3)["listener"]["hrtf"], "sphere");
+  EXPECT_TRUE(read_file(one_head.path() / "00000/000000_s01_l0002.wav") == read_file(several_heads.path() / "00000/000000_s01_l0002.wav"));
 }
 
 TEST(RirCorpus, ChannelsHaveNames) {

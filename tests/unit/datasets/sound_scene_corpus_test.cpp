@@ -107,9 +107,9 @@ TEST(SoundSceneCorpus, PlansKeepWhatTheConfigAsks) {
       EXPECT_LE(event.offset_s, 4 + 1e-9);
       EXPECT_TRUE(event.sound.starts_with(event.class_index == 0 ? "synth:noise:" : "synth:engine:")) << event.sound;
       for (double t_s = 0; t_s <= event.offset_s - event.onset_s; t_s += 0.05) {
-        const glm::vec3 here = event.position_at(t_s), soon = event.position_at(t_s + 0.01);
-        EXPECT_GE(glm::length(here - plan.listener.position), 1 - 1e-3f);
-        EXPECT_LE(glm::length(soon - here), 0.0101f * 1.5f);  // the fastest; a way that turns is shorter
+        const glm::vec3 position = event.position_at(t_s), next_position = event.position_at(t_s + 0.01);
+        EXPECT_GE(glm::length(position - plan.listener.position), 1 - 1e-3f);
+        EXPECT_LE(glm::length(next_position - position), 0.0101f * 1.5f);  // the fastest; a way that turns is shorter
       }
       ++events;
       moving += event.moves();

@@ -18,9 +18,9 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-std::int32_t sample_one(const torch::Tensor& logits, ActingEnv who, std::uint64_t seed) {
+std::int32_t sample_one(const torch::Tensor& logits, ActingEnv acting_env, std::uint64_t seed) {
   std::int32_t action = -1;
-  sample_actions(logits, std::span(&who, 1), seed, std::span(&action, 1));
+  sample_actions(logits, std::span(&acting_env, 1), seed, std::span(&action, 1));
   return action;
 }
 
@@ -68,13 +68,13 @@ TEST(ActionDistribution, AnActionOfProbabilityZeroIsNeverDrawn) {
 TEST(ActionDistribution, WhoActsDecidesAndNotTheBatch) {
   torch::manual_seed(1);
   const torch::Tensor logits = torch::randn({6, 4});
-  std::vector<ActingEnv> who;
-  for (std::uint32_t i = 0; i < 6; ++i) who.push_back({.env = 10 + i, .episode = i % 2, .step = 3 * i});
+  std::vector<ActingEnv> acting_envs;
+  for (std::uint32_t i = 0; i < 6; ++i) acting_envs.push_back({.env = 10 + i, .episode = i % 2, .step = 3 * i});
   std::vector<std::int32_t> together(6), swapped(6);
-  sample_actions(logits, who, 3, together);
+  sample_actions(logits, acting_envs, 3, together);
   for (std::size_t i = 0; i < 6; ++i)
-    EXPECT_EQ(sample_one(logits.slice(0, static_cast<std::int64_t>(i), static_cast<std::int64_t>(i) + 1), who[i], 3), together[i]);
-  std::vector<ActingEnv> reversed(who.rbegin(), who.rend());
+    EXPECT_EQ(sample_one(logits.slice(0, static_cast<std::int64_t>(i), static_cast<std::int64_t>(i) + 1), acting_envs[i], 3), together[i]);
+  std::vector<ActingEnv> reversed(acting_envs.rbegin(), acting_envs.rend());
   sample_actions(logits.flip(0), reversed, 3, swapped);
   EXPECT_TRUE(std::equal(swapped.rbegin(), swapped.rend(), together.begin()));
 }
@@ -113,11 +113,11 @@ TEST(ActionDistribution, RefusesLogitsThatAreNotFinite) {
   for (const float bad : {kInfinity, -kInfinity, std::nanf("")}) {
     torch::Tensor logits = torch::zeros({2, 4});
     logits[1][2] = bad;
-    const std::vector<ActingEnv> who{{.env = 40, .episode = 1, .step = 2}, {.env = 41, .episode = 3, .step = 4}};
+    const std::vector<ActingEnv> acting_envs{{.env = 40, .episode = 1, .step = 2}, {.env = 41, .episode = 3, .step = 4}};
     std::vector<std::int32_t> actions(2);
     EXPECT_THROW(greedy_actions(logits, actions), RunError);
     try {
-      sample_actions(logits, who, 1, actions);
+      sample_actions(logits, acting_envs, 1, actions);
       FAIL() << "no exception";
     } catch (const RunError& error) {
       EXPECT_NE(std::string(error.what()).find("env 41"), std::string::npos) << error.what();

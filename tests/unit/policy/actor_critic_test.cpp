@@ -112,10 +112,10 @@ TEST(ActorCritic, SequenceEqualsStepsAcrossEpisodeStarts) {
   torch::Tensor hidden = first;
   for (std::int64_t t = 0; t < T; ++t) {
     const auto row = [&](const torch::Tensor& sensor) { return sensor.slice(0, t * B, (t + 1) * B); };
-    const PolicyOutput one = policy->step(seen.map(row), hidden, not_done[t]);
-    EXPECT_LT(largest(one.logits - row(whole.logits)), 1e-6);  // float32 sums of another order, values around 0.1
-    EXPECT_LT(largest(one.value - row(whole.value)), 1e-6);
-    hidden = one.hidden;
+    const PolicyOutput row_output = policy->step(seen.map(row), hidden, not_done[t]);
+    EXPECT_LT(largest(row_output.logits - row(whole.logits)), 1e-6);  // float32 sums of another order, values around 0.1
+    EXPECT_LT(largest(row_output.value - row(whole.value)), 1e-6);
+    hidden = row_output.hidden;
   }
   EXPECT_LT(largest(hidden - whole.hidden), 1e-6);
 

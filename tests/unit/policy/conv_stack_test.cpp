@@ -79,9 +79,9 @@ TEST(ConvStack, EqualsTorchInValueAndInEveryGradient) {
 
 TEST(ConvStack, TakesNoPicture) {
   const Weights w = random_weights(kStacks[1]);
-  const torch::Tensor none = conv_stack(torch::zeros({0, 65, 26, 2}), w.weights, w.biases, kStacks[1].strides);
-  EXPECT_EQ(none.size(0), 0);
-  EXPECT_EQ(none.size(1), by_torch(kStacks[1], torch::zeros({1, 65, 26, 2}), w).size(1));
+  const torch::Tensor empty_batch = conv_stack(torch::zeros({0, 65, 26, 2}), w.weights, w.biases, kStacks[1].strides);
+  EXPECT_EQ(empty_batch.size(0), 0);
+  EXPECT_EQ(empty_batch.size(1), by_torch(kStacks[1], torch::zeros({1, 65, 26, 2}), w).size(1));
 }
 
 TEST(ConvStack, APictureDoesNotDependOnItsNeighbours) {

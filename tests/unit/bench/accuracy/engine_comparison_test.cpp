@@ -173,12 +173,12 @@ TEST(EngineCommand, IsNameAndCommand) {
 // T20 of 1.1 and 0.9 s against 1 s at two listeners: rms 10 %; C50 always 2 dB off.
 TEST(JudgeResponses, ErrorsByHand) {
   const auto metrics = [](double t20_s, double c50_db) {
-    RoomMetrics of;
-    of.bands_hz = {1000};
-    of.bands.resize(1);
-    of.bands[0].t20_s = t20_s;
-    of.bands[0].c50_db = c50_db;
-    return of;
+    RoomMetrics room_metrics;
+    room_metrics.bands_hz = {1000};
+    room_metrics.bands.resize(1);
+    room_metrics.bands[0].t20_s = t20_s;
+    room_metrics.bands[0].c50_db = c50_db;
+    return room_metrics;
   };
   const EnginePoint point = judge_responses({{metrics(1, 0), metrics(1, 0)}}, {{metrics(1.1, 2), metrics(0.9, -2)}});
   EXPECT_NEAR(point.t20_all.rms, 0.1, 1e-12);

@@ -83,7 +83,7 @@ TEST(CrossValidatedErrors, OfOnePoseByHand) {
   const ErrorSummary high = summarise(truths, draws, ErrorKind::t20, 1);
   EXPECT_EQ(high.missing, 1);
   EXPECT_EQ(high.count, 1);
-  EXPECT_TRUE(std::isnan(high.rms));  // one of two draws is no pair
+  EXPECT_TRUE(std::isnan(high.rms));  // a single draw is not a pair
   EXPECT_EQ(summarise(truths, draws, ErrorKind::t20).count, 3);
   EXPECT_EQ(error_sizes(truths, draws, ErrorKind::t20).size(), 3u);
   EXPECT_NEAR(error_sizes(truths, draws, ErrorKind::t20, 1).at(0), 10, 1e-9);  // in the unit of files

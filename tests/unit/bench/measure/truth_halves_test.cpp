@@ -24,24 +24,24 @@ double late_energy(const EnergyResponse& response) {
 
 // Seeds differ from half to half, from pose to pose and from round to round, and nothing else decides.
 TEST(TruthHalves, AreIndependentAndReproducible) {
-  const TruthHalves one = shoebox_truth(1), again = shoebox_truth(1), two = shoebox_truth(2);
-  const double first = late_energy(one.half(0, 0)), second = late_energy(one.half(0, 1));
+  const TruthHalves seed1 = shoebox_truth(1), seed1_again = shoebox_truth(1), seed2 = shoebox_truth(2);
+  const double first = late_energy(seed1.half(0, 0)), second = late_energy(seed1.half(0, 1));
   EXPECT_NE(first, second);
-  EXPECT_EQ(first, late_energy(again.half(0, 0)));
-  EXPECT_NE(first, late_energy(two.half(0, 0)));
-  EXPECT_EQ(one.half(0, 0).arrivals.size(), one.half(0, 1).arrivals.size());
+  EXPECT_EQ(first, late_energy(seed1_again.half(0, 0)));
+  EXPECT_NE(first, late_energy(seed2.half(0, 0)));
+  EXPECT_EQ(seed1.half(0, 0).arrivals.size(), seed1.half(0, 1).arrivals.size());
   // Runs add up to means: energies agree within what 256 rays scatter by.
-  EXPECT_NEAR(first / late_energy(two.mean(0)), 1, 0.2);
-  EXPECT_NEAR(second / late_energy(two.mean(0)), 1, 0.2);
-  EXPECT_NEAR(late_energy(one.mean(0)), 0.5 * (first + second), 1e-4 * first);
+  EXPECT_NEAR(first / late_energy(seed2.mean(0)), 1, 0.2);
+  EXPECT_NEAR(second / late_energy(seed2.mean(0)), 1, 0.2);
+  EXPECT_NEAR(late_energy(seed1.mean(0)), 0.5 * (first + second), 1e-4 * first);
 }
 
 // Sixteen times the runs: a quarter of the error, between a half and an eighth whatever the draw (14 values of each kind).
 TEST(TruthHalves, MoreRoundsLowerTheError) {
-  const double one = shoebox_truth(1).t20_error(), sixteen = shoebox_truth(16).t20_error();
-  EXPECT_GT(sixteen, 0);
-  EXPECT_LT(sixteen, one / 2);
-  EXPECT_GT(sixteen, one / 8);
+  const double one_run = shoebox_truth(1).t20_error(), sixteen_runs = shoebox_truth(16).t20_error();
+  EXPECT_GT(sixteen_runs, 0);
+  EXPECT_LT(sixteen_runs, one_run / 2);
+  EXPECT_GT(sixteen_runs, one_run / 8);
 }
 
 }  // namespace

@@ -218,8 +218,8 @@ TEST(X_SoakStatistics, LineByHand) {
   EXPECT_NEAR(fit.per_x, 0.8, 1e-12);
   EXPECT_NEAR(fit.intercept, 1.3, 1e-12);
   EXPECT_NEAR(fit.standard_error, std::sqrt(0.18), 1e-12);
-  const std::vector<double> same(4, 2.0);
-  EXPECT_EQ(fit_line(same, y).per_x, 0);
+  const std::vector<double> equal_values(4, 2.0);
+  EXPECT_EQ(fit_line(equal_values, y).per_x, 0);
 }
 
 // Residuals that follow one another (+1 for a hundred points, -1 for a hundred, ...) know less than independent ones.

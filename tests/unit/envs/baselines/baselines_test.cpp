@@ -95,9 +95,9 @@ TEST(Baselines, RandomWithTheOraclesStopNeverStopsElsewhere) {
   for (int step = 0; step < 1000; ++step) {
     agent.act(env, actions);
     for (int row = 0; row < 4; ++row) {
-      const bool there = *env.goal(row).distance_m(env.agent(row).pose.position) < 0.5f * config.task.success_radius_m;
+      const bool is_at_goal = *env.goal(row).distance_m(env.agent(row).pose.position) < 0.5f * config.task.success_radius_m;
       const bool stop = actions[static_cast<std::size_t>(row)] == 0;
-      EXPECT_EQ(stop, there);
+      EXPECT_EQ(stop, is_at_goal);
       stops += stop;
     }
     env.step(actions);

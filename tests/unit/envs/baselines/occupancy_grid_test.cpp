@@ -61,8 +61,8 @@ TEST(OccupancyGrid, ThePictureFitsTheMapWhereItWasTaken) {
                  make_scene_cache(config), 1);
   env.reset();
   const OccupancyGrid grid = map_of_room();
-  const PlanarPose here{.heading_rad = 0.4};
-  const double fit = grid.misfit(here, float_rows(env, "depth"));
+  const PlanarPose start{.heading_rad = 0.4};
+  const double fit = grid.misfit(start, float_rows(env, "depth"));
   for (const PlanarPose away : {PlanarPose{0.15, 0, 0.4}, PlanarPose{-0.15, 0, 0.4}, PlanarPose{0, 0.15, 0.4}, PlanarPose{0, -0.15, 0.4}})
     EXPECT_GT(grid.misfit(away, float_rows(env, "depth")), fit + 10);
 }

@@ -46,9 +46,9 @@ TEST_F(SeveralAgents, AgentsWithoutSoundsAreNotHeard) {
     episode.agent_sound.clear();
     for (EpisodeAgent& agent : episode.other_agents) agent.sound.clear();
   }
-  EnvConfig one = config_;
-  one.agents = 1;
-  BatchedEnv several(config_, make_set(silent), scenes_, 1), single(one, make_set(alone), scenes_, 1);
+  EnvConfig single_agent = config_;
+  single_agent.agents = 1;
+  BatchedEnv several(config_, make_set(silent), scenes_, 1), single(single_agent, make_set(alone), scenes_, 1);
   several.reset();
   single.reset();
   for (int step = 0; step < 10; ++step) {
@@ -86,12 +86,12 @@ TEST(Agents, AreHeardAsMovingSourcesOnTheirWay) {
   }
   ASSERT_GT(glm::distance(glm::vec3(walker.path.front().position), glm::vec3(walker.path.back().position)), 1.f);
 
-  EnvConfig one = config;
-  one.agents = 1;
+  EnvConfig single_agent = config;
+  single_agent.agents = 1;
   const auto listen = [&](std::vector<EpisodeSource> sources) {
     Episode episode = apart;
     episode.sources = std::move(sources);
-    BatchedEnv single(one, make_set({episode}), scenes, 1);
+    BatchedEnv single(single_agent, make_set({episode}), scenes, 1);
     single.reset();
     std::vector<std::vector<float>> blocks{row_of(float_rows(single, "heard"), 1, 0)};
     for (int step = 0; step < kSteps; ++step) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of a batch by EGL, on Mesa's software device; skipped where there is none.
+// Pictures of a batch by EGL, on Mesa's software device; skipped without it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -49,13 +49,13 @@ class EpisodeSounds : public testing::Test {
 };
 
 TEST_F(EpisodeSounds, SourcesAddUp) {
-  Episode one = quiet_room(), other = one, both = one;
+  Episode first_sound = quiet_room(), second_sound = first_sound, both_sounds = first_sound;
   const EpisodeSource goal{.position = {6, 0, 4}, .sound = "synth:noise", .onset_s = 0.2, .duration_s = 1.5, .goal = true, .level_db = -3};
   const EpisodeSource distractor{.position = {2, 0, 4.5}, .sound = "synth:telephone", .loop = false, .level_db = 6};
-  one.sources = {goal};
-  other.sources = {distractor};
-  both.sources = {goal, distractor};
-  const auto a = heard(one), b = heard(other), sum = heard(both);
+  first_sound.sources = {goal};
+  second_sound.sources = {distractor};
+  both_sounds.sources = {goal, distractor};
+  const auto a = heard(first_sound), b = heard(second_sound), sum = heard(both_sounds);
   double largest = 0, worst = 0;
   for (std::size_t step = 0; step < sum.size(); ++step)
     for (std::size_t i = 0; i < sum[step].size(); ++i) {

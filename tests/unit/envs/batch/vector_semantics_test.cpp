@@ -100,9 +100,9 @@ TEST_F(VectorSemantics, ASeedOfItsOwnGivesTheSameEpisodesInAnyEnv) {
 
 TEST_F(VectorSemantics, AMaskLeavesTheOthersAsTheyAre) {
   BatchedEnv env = make(4, config_), plain = make(4, config_);
-  for (BatchedEnv* each : {&env, &plain}) {
-    each->reset();
-    for (int i = 0; i < 5; ++i) step(*each, i);
+  for (BatchedEnv* batch : {&env, &plain}) {
+    batch->reset();
+    for (int i = 0; i < 5; ++i) step(*batch, i);
   }
   const std::vector<int> counts{env.agent(0).episode_count, env.agent(2).episode_count};
   env.reset(std::vector<std::uint8_t>{1, 0, 1, 0});

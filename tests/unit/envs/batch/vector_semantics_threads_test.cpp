@@ -93,8 +93,8 @@ TEST_F(VectorSemantics, BatchesOfAnySizeShowTheSameEnvs) {
       env.send(all, actions);
       std::set<std::int32_t> got;
       while (got.size() < all.size()) {
-        const auto some = env.recv(std::max(1, static_cast<int>(all.size() - got.size()) / 2));
-        got.insert(some.begin(), some.end());
+        const auto received = env.recv(std::max(1, static_cast<int>(all.size() - got.size()) / 2));
+        got.insert(received.begin(), received.end());
       }
     }
     for (int row = 0; row < envs; ++row) ASSERT_EQ(shown(env, row), expected[static_cast<std::size_t>(row)]) << envs << " " << row;
@@ -134,9 +134,9 @@ TEST_F(VectorSemantics, AnyExceptionIsContainedInItsEnv) {
   std::uint64_t faults = 0;
   int index = 0;
   for (const Fault kind : {Fault::pose, Fault::distance, Fault::rir, Fault::sound, Fault::depth, Fault::spectrogram})
-    for (const int what : {1, 2, 3, 4}) {
+    for (const int variant : {1, 2, 3, 4}) {
       thrower.kind = kind;
-      thrower.armed = what;
+      thrower.armed = variant;
       for (int tries = 0; thrower.armed != 0 && tries < 100; ++tries, ++index) {
         std::vector<std::int32_t> actions{test_action(0, index), 1, test_action(2, index)};
         if (tries > 0) actions[1] = test_action(1, index);  // stages without news are skipped: turn, or begin another episode
@@ -150,7 +150,7 @@ TEST_F(VectorSemantics, AnyExceptionIsContainedInItsEnv) {
     }
 }
 
-// Memory that is gone for good is no fault of an episode: the batch ends with one line, and does not quarantine for ever.
+// A lasting lack of memory is not a fault of an episode: the batch ends with one line instead of quarantining forever.
 TEST_F(VectorSemantics, MemoryThatIsGoneForGoodEndsTheBatch) {
   config_.threads = 2;
   BatchedEnv env = make(3, config_);
@@ -254,7 +254,7 @@ TEST_F(VectorSemantics, AStalledStageLeavesTheBatchUntilItReturns) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_TRUE(env.active()[1]);
-  // No action was used there: the first row after it came back is no experience, and ends what was before.
+  // No action was used there: the first row after its return must not be trained on, and ends the earlier episode.
   EXPECT_TRUE(env.truncated()[1] && env.quarantined()[1] && !env.acted()[1] && !env.terminated()[1]);
   both();
   EXPECT_TRUE(env.acted()[1] && !env.quarantined()[1]);

@@ -14,10 +14,10 @@ EpisodeSet set_of(int scenes, int goals, int times) {
   EpisodeSet set;
   for (int scene = 0; scene < scenes; ++scene)
     for (int episode = 0; episode < goals * times; ++episode) {
-      Episode& one = set.episodes.emplace_back();
-      one.scene_id = "house:" + std::to_string(scene);
-      one.goal_position = {episode % goals, 0, 1};
-      one.num_action = 120;
+      Episode& new_episode = set.episodes.emplace_back();
+      new_episode.scene_id = "house:" + std::to_string(scene);
+      new_episode.goal_position = {episode % goals, 0, 1};
+      new_episode.num_action = 120;
     }
   return set;
 }

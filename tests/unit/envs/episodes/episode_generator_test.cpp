@@ -117,7 +117,7 @@ TEST(EpisodeGenerator, SharedGoalsAreFewFreeAndFarApart) {
     for (std::size_t j = 0; j < i; ++j) closest_m = std::min(closest_m, glm::length(goals[i] - goals[j]));
   }
   EXPECT_GT(closest_m, 2.f * std::sqrt(world.navmesh.main_area_m2()) / 19.f);
-  // The first goals do not depend on how many follow.
+  // The first goals do not depend on the number of goals.
   const auto fewer = world.goals(4, 4);
   EXPECT_TRUE(std::equal(fewer.begin(), fewer.end(), goals.begin()));
   EXPECT_NE(world.goals(1, 5)[0], goals[0]);

@@ -73,9 +73,9 @@ TEST(SoundScenario, DistractorsPlayOtherSoundsElsewhere) {
   EXPECT_EQ(episode_set_hash(all), episode_set_hash(again));
   apply_scenario(scenario, kScenarioSounds, kPlaces, 2, again);
   EXPECT_NE(episode_set_hash(all), episode_set_hash(again));
-  std::vector<Episode> one = episodes(1);
-  EXPECT_THROW(apply_scenario(scenario, std::span(kScenarioSounds).first(1), kPlaces, 1, one), InputError);
-  EXPECT_THROW(apply_scenario(scenario, kScenarioSounds, std::span(kPlaces).last(1), 1, one), InputError);
+  std::vector<Episode> single_source = episodes(1);
+  EXPECT_THROW(apply_scenario(scenario, std::span(kScenarioSounds).first(1), kPlaces, 1, single_source), InputError);
+  EXPECT_THROW(apply_scenario(scenario, kScenarioSounds, std::span(kPlaces).last(1), 1, single_source), InputError);
 }
 
 TEST(SoundScenario, RefusesWhatCannotBe) {

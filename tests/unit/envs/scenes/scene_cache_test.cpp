@@ -34,11 +34,11 @@ TEST(SceneCache, SourcesStandAboveTheGoal) {
 TEST(SceneCache, DropsTheLeastRecentlyUsedAndWhoHoldsItKeepsIt) {
   std::size_t scene_bytes = 0, with_source_bytes = 0;  // shoeboxes are all about as large
   {
-    SceneCache one(quick(), {}, "", kRoomy);
-    one.scene("shoebox:4x3x4");
-    scene_bytes = one.bytes();
-    one.source("shoebox:4x3x4", {2, 0, 2}, 1.5f);
-    with_source_bytes = one.bytes();
+    SceneCache cache(quick(), {}, "", kRoomy);
+    cache.scene("shoebox:4x3x4");
+    scene_bytes = cache.bytes();
+    cache.source("shoebox:4x3x4", {2, 0, 2}, 1.5f);
+    with_source_bytes = cache.bytes();
   }
   SceneCache cache(quick(), {}, "", with_source_bytes + scene_bytes + scene_bytes / 2);  // holds two
   auto a = cache.source("shoebox:4x3x4", {2, 0, 2}, 1.5f);
@@ -71,9 +71,9 @@ TEST(SceneCache, DropsTheLeastRecentlyUsedAndWhoHoldsItKeepsIt) {
 TEST(SceneCache, HeldScenesCountAgainstTheBound) {
   std::size_t one_bytes = 0;
   {
-    SceneCache one(quick(), {}, "", kRoomy);
-    one.scene("shoebox:4x3x4");
-    one_bytes = one.bytes();
+    SceneCache cache(quick(), {}, "", kRoomy);
+    cache.scene("shoebox:4x3x4");
+    one_bytes = cache.bytes();
   }
   SceneCache cache(quick(), {}, "", 3 * one_bytes);
   std::vector<std::shared_ptr<const EnvScene>> held;

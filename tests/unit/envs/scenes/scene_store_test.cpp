@@ -148,9 +148,9 @@ TEST_F(SceneStoreTest, WhatCannotBeLoadedThrowsAsWithoutAStore) {
   wrong.rays = -1;
   EXPECT_THROW(store.load(kHouse, wrong, {}), InputError);
   EXPECT_THROW(store.load("shoebox:0.2x0.2x0.2", quick(), {}), InputError);  // nothing to walk on
-  SceneStore none({.folder = {}, .max_bytes = 0, .warn = {}});
-  EXPECT_EQ(none.load(kHouse, quick(), {}).scene->name(), kHouse);
-  EXPECT_EQ(none.counters().built, 1u);
+  SceneStore disabled_store({.folder = {}, .max_bytes = 0, .warn = {}});
+  EXPECT_EQ(disabled_store.load(kHouse, quick(), {}).scene->name(), kHouse);
+  EXPECT_EQ(disabled_store.counters().built, 1u);
 }
 
 TEST_F(SceneStoreTest, TheFolderKeepsToItsBound) {

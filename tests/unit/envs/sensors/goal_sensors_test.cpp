@@ -75,8 +75,8 @@ TEST(GoalSensors, InterauralCellsAreThoseOfTheLastSecond) {
   for (int step = 0; step < 6; ++step) {
     const auto heard = float_rows(env, "heard"), shown = float_rows(env, "interaural");
     for (std::size_t row = 0; row < 2; ++row) {
-      InterauralHistory none;
-      analyzer.analyze(heard.subspan(row * 32000, 32000), 0, none, cells);
+      InterauralHistory empty_history;
+      analyzer.analyze(heard.subspan(row * 32000, 32000), 0, empty_history, cells);
       ASSERT_TRUE(std::ranges::equal(cells, shown.subspan(row * cells.size(), cells.size()))) << step;
     }
     env.step(std::vector<std::int32_t>{1, 2});

@@ -208,8 +208,8 @@ std::vector<Cheat> cheats_with_senses() {
 
 std::vector<Cheat> all_cheats() {
   std::vector<Cheat> all;
-  for (const auto& some : {cheats_with_metrics(), cheats_with_rows(), cheats_with_heads(), cheats_with_senses()})
-    all.insert(all.end(), some.begin(), some.end());
+  for (const auto& cheats : {cheats_with_metrics(), cheats_with_rows(), cheats_with_heads(), cheats_with_senses()})
+    all.insert(all.end(), cheats.begin(), cheats.end());
   return all;
 }
 

@@ -59,9 +59,9 @@ TEST(PrivateGap, FlagsWhatChanceDoesNotExplain) {
         const RandomStream random(7, Purpose::test, sample, which, salt);
         std::vector<int> hits;
         for (std::uint32_t scene = 0; scene < 10; ++scene) {
-          const double own = chance + 0.2 * (static_cast<double>(random.uniform(1000 + scene)) - 0.5);
+          const double scene_chance = chance + 0.2 * (static_cast<double>(random.uniform(1000 + scene)) - 0.5);
           int hit = 0;
-          for (std::uint32_t i = 0; i < 10; ++i) hit += static_cast<double>(random.uniform(10 * scene + i)) < own ? 1 : 0;
+          for (std::uint32_t i = 0; i < 10; ++i) hit += static_cast<double>(random.uniform(10 * scene + i)) < scene_chance ? 1 : 0;
           hits.push_back(hit);
         }
         return agent("a", hits);

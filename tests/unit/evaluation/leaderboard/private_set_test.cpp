@@ -52,8 +52,8 @@ TEST_F(PrivateSet, IsOfTheSameKindAndNew) {
   make_private_set(load(), path("second.json.gz"), seeds({3'000'000'000}));
 
   section_ += "  private: {sha256: \"" + sha256 + "\"}\n";
-  const Benchmark with = with_private_set(load(), path("private.json.gz"));
-  EXPECT_EQ(benchmark_set(with).hash, hidden.hash);
+  const Benchmark with_set = with_private_set(load(), path("private.json.gz"));
+  EXPECT_EQ(benchmark_set(with_set).hash, hidden.hash);
   EXPECT_EQ(refusal([&] { check_private_split(load(), hidden); }), "");
   // Any other file is refused, be it a set that passes for one, and be it changed by a byte.
   EXPECT_THAT(refusal([&] { with_private_set(load(), path("second.json.gz")); }), HasSubstr("the private set of tiny 1 has " + sha256));
@@ -130,14 +130,14 @@ TEST_F(PrivateSet, WhatWillNotDoIsDrawnAgain) {
   config_.eval.filter = {.min_geodesic_m = 4.5f, .min_ratio = 1};
   config_.eval.filter.max_tries = 30;
   // Houses of this size in which paths of 4.5 m are and are not found.
-  DataConfig one = load().run.eval;
-  one.file = path("one.json");
-  one.seed = 3'000'000'000;
-  one.sounds = {"synth:bird:2"};
+  DataConfig data = load().run.eval;
+  data.file = path("one.json");
+  data.seed = 3'000'000'000;
+  data.sounds = {"synth:bird:2"};
   std::vector<std::uint64_t> fit, small;
   for (std::uint64_t seed = 4'000'000'000; (fit.size() < 2 || small.empty()) && seed < 4'000'000'200; ++seed) {
-    one.scenes = {"house:" + std::to_string(seed) + ",rooms=2,area_m2=24"};
-    (refusal([&] { generate_data(one, load().run.env); }).empty() ? fit : small).push_back(seed);
+    data.scenes = {"house:" + std::to_string(seed) + ",rooms=2,area_m2=24"};
+    (refusal([&] { generate_data(data, load().run.env); }).empty() ? fit : small).push_back(seed);
   }
   ASSERT_GE(fit.size(), 2u);
   ASSERT_FALSE(small.empty());
@@ -152,8 +152,8 @@ TEST_F(PrivateSet, WhatWillNotDoIsDrawnAgain) {
   EXPECT_FALSE(sounds.contains("synth:bird:9"));
 
   // One that is never found: an end, and nothing left behind.
-  const SecretSeeds never = [&, draws = 0]() mutable { return draws++ == 0 ? one.seed : small[0]; };
-  EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), never); }), HasSubstr("no episode"));
+  const SecretSeeds unusable_seeds = [&, draws = 0]() mutable { return draws++ == 0 ? data.seed : small[0]; };
+  EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), unusable_seeds); }), HasSubstr("no episode"));
   EXPECT_THAT(refusal([&] { make_private_set(load(), path("never.json"), [] { return 9; }); }), HasSubstr("has no replacement"));
   EXPECT_FALSE(std::filesystem::exists(path("never.json")));
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path()))

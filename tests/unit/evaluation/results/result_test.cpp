@@ -40,9 +40,9 @@ TEST(Estimate, WilsonInterval) {
   EXPECT_DOUBLE_EQ(tenth.mean, 0.1);
   EXPECT_NEAR(tenth.low, 0.0552291, 1e-6);
   EXPECT_NEAR(tenth.high, 0.1743657, 1e-6);
-  const Estimate none = fraction_with_interval(0, 200);
-  EXPECT_EQ(none.low, 0);
-  EXPECT_NEAR(none.high, 0.0188454, 1e-6);
+  const Estimate no_success = fraction_with_interval(0, 200);
+  EXPECT_EQ(no_success.low, 0);
+  EXPECT_NEAR(no_success.high, 0.0188454, 1e-6);
   EXPECT_EQ(fraction_with_interval(0, 0).high, 0);
 }
 
@@ -111,9 +111,9 @@ TEST(EvaluationResult, IntervalsOverScenesStayWithinReason) {
       }
     return result;
   };
-  const EvaluationResult none = result_of(std::vector<int>(30, 0));
-  ASSERT_TRUE(none.intervals_over_scenes());
-  EXPECT_NEAR(none.success().high, fraction_with_interval(0, 300).high, 1e-12);
+  const EvaluationResult no_success = result_of(std::vector<int>(30, 0));
+  ASSERT_TRUE(no_success.intervals_over_scenes());
+  EXPECT_NEAR(no_success.success().high, fraction_with_interval(0, 300).high, 1e-12);
   const EvaluationResult equal = result_of({9, 9, 9, 9, 9});
   EXPECT_NEAR(equal.success().low, fraction_with_interval(45, 50).low, 1e-12);
   const EvaluationResult spread = result_of({10, 10, 10, 10, 5});

@@ -235,25 +235,25 @@ TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
   const Json honest = json_of("oracle.json");
   for (const char* part : {"compiler", "c_library", "processor", "embree"})  // a policy's: ShippedPolicy
     EXPECT_FALSE(honest["toolchain"].value(part, "").empty()) << part;
-  const std::string here = walking_toolchain(simulation_toolchain());
-  EXPECT_EQ(walking_toolchain(load_result(path("oracle.json")).toolchain), here);
+  const std::string this_toolchain = walking_toolchain(simulation_toolchain());
+  EXPECT_EQ(walking_toolchain(load_result(path("oracle.json")).toolchain), this_toolchain);
 
   // Of another build, with a number that is off by one unit in the last place.
   Json off = honest;
   off["engine_hash"] = "0123456789abcdef";
   off["episodes"][2]["spl"] = std::nextafter(off["episodes"][2]["spl"].get<double>(), 10.0);
-  const VerifyConfig any{.any_engine = true};
-  EXPECT_THAT(refusal_of(with_checksum(off), any),
+  const VerifyConfig any_engine{.any_engine = true};
+  EXPECT_THAT(refusal_of(with_checksum(off), any_engine),
               AllOf(HasSubstr("episode 2 ("), HasSubstr("reports spl = "), HasSubstr("are accepted"), Not(HasSubstr("toolchain"))));
   for (const auto& [part, value] : {std::pair("compiler", "g++99"), std::pair("c_library", "glibc 9.9"), std::pair("processor", "armv8-a"),
                                     std::pair("embree", "9.9.9 neon")}) {
     Json json = off;
     json["toolchain"][part] = value;
-    const std::string why = refusal_of(with_checksum(json), any);
+    const std::string why = refusal_of(with_checksum(json), any_engine);
     EXPECT_THAT(why, AllOf(HasSubstr("episode 2 ("), HasSubstr("reports spl = "), HasSubstr("it was made with "), HasSubstr(value),
-                           HasSubstr("verified with " + here), HasSubstr("does not prove a forgery")));
+                           HasSubstr("verified with " + this_toolchain), HasSubstr("does not prove a forgery")));
     EXPECT_EQ(why.find('\n'), std::string::npos);
-    // Where this very program wrote it, another toolchain is no reason.
+    // If this program wrote the file, another toolchain does not excuse a difference.
     json["engine_hash"] = honest["engine_hash"];
     EXPECT_THAT(refusal_of(with_checksum(json)), AllOf(HasSubstr("are accepted"), Not(HasSubstr("does not prove"))));
   }
@@ -261,19 +261,19 @@ TEST_F(VerifyResult, NumbersOfAnotherToolchainAreRefusedAsSuchAndNotAsForged) {
   Json json = off;
   json["toolchain"]["libtorch"] = "9.9 AVX9";
   json["toolchain"]["blas"] = "unknown";
-  EXPECT_THAT(refusal_of(with_checksum(json), any), Not(HasSubstr("does not prove")));
+  EXPECT_THAT(refusal_of(with_checksum(json), any_engine), Not(HasSubstr("does not prove")));
 
   // The same numbers are taken, whatever toolchain made them, and older files name none.
   json = honest;
   json["engine_hash"] = "0123456789abcdef";
   json["toolchain"]["compiler"] = "g++99";
-  EXPECT_EQ(refusal_of(with_checksum(json), any), "");
+  EXPECT_EQ(refusal_of(with_checksum(json), any_engine), "");
   write_file_atomically(path("other.json"), json_text(with_checksum(json)));
-  EXPECT_THAT(verify(load_result(path("other.json")), any).toolchain, StartsWith("g++99, "));
+  EXPECT_THAT(verify(load_result(path("other.json")), any_engine).toolchain, StartsWith("g++99, "));
   json.erase("toolchain");
-  EXPECT_EQ(refusal_of(with_checksum(json), any), "");
+  EXPECT_EQ(refusal_of(with_checksum(json), any_engine), "");
   off.erase("toolchain");
-  EXPECT_THAT(refusal_of(with_checksum(off), any), AllOf(HasSubstr("an unknown toolchain"), HasSubstr("does not prove")));
+  EXPECT_THAT(refusal_of(with_checksum(off), any_engine), AllOf(HasSubstr("an unknown toolchain"), HasSubstr("does not prove")));
 }
 
 TEST_F(VerifyResult, RulesThatAreMissingOrUnknownAreRefused) {
@@ -288,10 +288,10 @@ TEST_F(VerifyResult, RulesThatAreMissingOrUnknownAreRefused) {
   rules["scene_root"] = "/";
   EXPECT_THAT(refusal([&] { env_of_rules(rules, "result"); }), HasSubstr("scene_root"));
   // Rewards are the agent's own affair, errors of actuation are not.
-  MetricRules own = result.rules;
-  own["task.step_reward"] = "0.5";
-  own["seed"] = "7";
-  const MetricRules merged = rules_for(own, result.rules);
+  MetricRules result_rules = result.rules;
+  result_rules["task.step_reward"] = "0.5";
+  result_rules["seed"] = "7";
+  const MetricRules merged = rules_for(result_rules, result.rules);
   EXPECT_EQ(merged.at("task.step_reward"), "0.5");
   EXPECT_EQ(merged.at("seed"), result.rules.at("seed"));
 }

@@ -22,7 +22,7 @@ bool is_control_by_the_charts(unsigned code) {
 
 TEST(ControlCharacters, AreThoseOfTheCharts) {
   for (unsigned code = 1; code < 0xFFFF; ++code) {
-    if (code >= 0xD800 && code < 0xE000) continue;  // surrogates are no characters
+    if (code >= 0xD800 && code < 0xE000) continue;  // surrogates are not characters
     const std::string text = "a" + utf8(code) + "b";
     EXPECT_EQ(has_control_character(text), is_control_by_the_charts(code)) << code;
     EXPECT_EQ(printable(text), is_control_by_the_charts(code) ? "a b" : text) << code;

@@ -58,7 +58,7 @@ TEST_F(FileLockTest, AKilledHolderHoldsNothing) {
 
 TEST_F(FileLockTest, AFolderThatIsMissingGivesNoLock) {
   EXPECT_FALSE(FileLock::acquire(folder_ / "missing" / "a.lock", milliseconds(0)));
-  EXPECT_FALSE(FileLock::acquire(folder_, milliseconds(0)));  // a folder is no file
+  EXPECT_FALSE(FileLock::acquire(folder_, milliseconds(0)));  // a folder is not a file
 }
 
 }  // namespace

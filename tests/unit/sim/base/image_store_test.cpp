@@ -159,14 +159,14 @@ TEST_F(ImageStoreTest, ImagesThatAnotherProcessHoldsOutliveTheirFile) {
   }
   char token = 0;
   ASSERT_EQ(::read(from_child[0], &token, 1), 1);
-  const auto here = store.load(kKey);
+  const auto stored = store.load(kKey);
   std::filesystem::remove(store.path_of(kKey));
   ASSERT_TRUE(store.save(kKey, other));
   ASSERT_EQ(::write(to_child[1], &token, 1), 1);
   int status = 0;
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-  EXPECT_TRUE(equal(here->bytes, image));
+  EXPECT_TRUE(equal(stored->bytes, image));
   EXPECT_TRUE(equal(store.load(kKey)->bytes, other));
   for (const int end : {to_child[0], to_child[1], from_child[0], from_child[1]}) ::close(end);
 }
@@ -177,11 +177,11 @@ TEST_F(ImageStoreTest, WritersOfOneKeyLeaveOneWholeImage) {
   for (int i = 0; i < 4; ++i) {
     const pid_t child = ::fork();
     if (child == 0) {
-      ImageStore own = open();
+      ImageStore own_store = open();
       bool good = true;
       for (int round = 0; round < 20; ++round) {
-        good = own.save(kKey, image) && good;
-        const auto loaded = own.load(kKey);
+        good = own_store.save(kKey, image) && good;
+        const auto loaded = own_store.load(kKey);
         good = loaded && equal(loaded->bytes, image) && good;
       }
       ::_exit(good && warnings_.empty() ? 0 : 1);

@@ -244,7 +244,7 @@ TEST_F(HouseField, EveryPointOfTheMainIslandHasAPath) {
 // Detour's search is another algorithm on the same polygons: its taut corridor is a path, so the geodesic is at most as long, and most are
 // equal.
 TEST_F(HouseField, IsNeverLongerThanDetoursCorridor) {
-  int same = 0;
+  int num_equal = 0;
   for (std::uint32_t i = 0; i < 200; ++i) {
     const glm::vec3 a = nav_.random_point(random_, 4 * i), b = nav_.random_point(random_, 4 * i + 2);
     const auto corridor_m = corridor_length_m(nav_, a, b);
@@ -252,9 +252,9 @@ TEST_F(HouseField, IsNeverLongerThanDetoursCorridor) {
     const double shortest_m = static_cast<double>(nav_.path_length_m(a, b).value());
     EXPECT_LE(shortest_m, *corridor_m + 0.01);  // up to ten corners, 1 mm each
     EXPECT_GE(shortest_m, 0.6 * *corridor_m - 0.01);
-    same += shortest_m > 0.99 * *corridor_m - 0.01;
+    num_equal += shortest_m > 0.99 * *corridor_m - 0.01;
   }
-  EXPECT_GT(same, 150);
+  EXPECT_GT(num_equal, 150);
 }
 
 TEST_F(HouseField, IsSymmetric) {

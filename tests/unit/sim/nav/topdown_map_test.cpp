@@ -62,9 +62,9 @@ TEST_F(TopdownMap, PixelsShowTheFloorFromWhereTheAgentStands) {
       const TopdownMapConfig config{.size_px = 64, .metres_per_px = 0.25f, .frame = frame};
       const MapMarks marks{.position = {3, floor_m_, 1}, .heading_rad = heading};
       const Picture picture = draw(config, marks);
-      const bool own = frame == MapFrame::egocentric;
-      const double h = own ? heading : 0;
-      const glm::dvec2 middle = own ? glm::dvec2(3, 1) : glm::dvec2(0, 0);
+      const bool is_egocentric = frame == MapFrame::egocentric;
+      const double h = is_egocentric ? heading : 0;
+      const glm::dvec2 middle = is_egocentric ? glm::dvec2(3, 1) : glm::dvec2(0, 0);
       int shown = 0;
       for (int row = 0; row < 64; ++row)
         for (int column = 0; column < 64; ++column) {
@@ -80,10 +80,10 @@ TEST_F(TopdownMap, PixelsShowTheFloorFromWhereTheAgentStands) {
 }
 
 TEST_F(TopdownMap, TheAgentPointsUpInItsOwnMapAndAlongItsHeadingInTheSceneS) {
-  const TopdownMapConfig own{.size_px = 33, .metres_per_px = 0.25f},
+  const TopdownMapConfig egocentric{.size_px = 33, .metres_per_px = 0.25f},
       fixed{.size_px = 33, .metres_per_px = 0.25f, .frame = MapFrame::allocentric};
   for (const double heading : {0.0, 1.0, 2.0, -3.0}) {
-    const Picture picture = draw(own, {.position = {2, floor_m_, -1}, .heading_rad = heading});
+    const Picture picture = draw(egocentric, {.position = {2, floor_m_, -1}, .heading_rad = heading});
     EXPECT_EQ(picture.at(16, 16, 2), 255);
     EXPECT_EQ(picture.at(14, 16, 2), 255);  // half a metre ahead
     EXPECT_EQ(picture.at(19, 16, 2), 0);

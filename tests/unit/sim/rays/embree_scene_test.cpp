@@ -197,14 +197,14 @@ TEST(EmbreeScene, OcclusionIsTrueAndSymmetric) {
     const RandomStream random(3, Purpose::test, i);
     const auto u = random.uniform4(0), v = random.uniform4(1);
     const glm::vec3 a(4 * u[0] - 2, 2 * u[1] - 0.5f, 4 * u[2] - 2), b(4 * v[0] - 2, 2 * v[1] - 0.5f, 4 * v[2] - 2);
-    const bool there = scene.occluded(a, b);
-    ASSERT_EQ(there, scene.occluded(b, a));
+    const bool is_blocked = scene.occluded(a, b);
+    ASSERT_EQ(is_blocked, scene.occluded(b, a));
     const double fraction = (0.5 - a.y) / (static_cast<double>(b.y) - a.y);
     const double x = a.x + fraction * (static_cast<double>(b.x) - a.x), z = a.z + fraction * (static_cast<double>(b.z) - a.z);
     const double inside = std::min(1 - std::fabs(x), 1 - std::fabs(z));
     if (std::fabs(inside) < 1e-4 || fraction < 1e-4 || fraction > 1 - 1e-4) continue;  // the border is either
-    EXPECT_EQ(there, fraction > 0 && fraction < 1 && inside > 0) << i;
-    blocked += there;
+    EXPECT_EQ(is_blocked, fraction > 0 && fraction < 1 && inside > 0) << i;
+    blocked += is_blocked;
   }
   EXPECT_GT(blocked, 1000);
   EXPECT_FALSE(scene.occluded({0, 0.5f, 0}, {0, 0.5f, 0})) << "a segment without length";
@@ -351,8 +351,8 @@ TEST(EmbreeScene, AGuessedBlockerChangesNoAnswer) {
       EXPECT_TRUE(scene.occluded(to, from, blocker));
       kept += blocker == known ? 1 : 0;
     }
-    std::uint32_t none = Hit::no_triangle;
-    EXPECT_EQ(scene.occluded(from, to, none), expected);
+    std::uint32_t no_blocker = Hit::no_triangle;
+    EXPECT_EQ(scene.occluded(from, to, no_blocker), expected);
     for (std::uint32_t wrong = i % 7; wrong < 60; wrong += 7) {
       std::uint32_t guess = wrong;
       EXPECT_EQ(scene.occluded(from, to, guess), expected) << wrong;

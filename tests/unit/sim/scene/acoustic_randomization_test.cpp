@@ -28,8 +28,8 @@ const std::vector<std::string> kSlots = {"wall", "floor", "sofa_3", "nothing kno
 std::vector<Material> randomized(std::uint64_t seed, std::string_view scene = "a.glb", const std::vector<std::string>& slots = kSlots) {
   static const MaterialDatabase database = MaterialDatabase::builtin();
   static const SemanticMaterials semantics = SemanticMaterials::indoor();
-  const std::vector<Material> own(slots.size(), database.get("marble", ""));
-  return randomize_materials(scene, slots, own, semantics, database, {.seed = seed});
+  const std::vector<Material> slot_materials(slots.size(), database.get("marble", ""));
+  return randomize_materials(scene, slots, slot_materials, semantics, database, {.seed = seed});
 }
 
 TEST(AcousticRandomization, IsAFunctionOfSeedSceneAndCategory) {
@@ -118,11 +118,11 @@ TEST(AcousticRandomization, WithoutNoiseTheChoiceAloneIsRandom) {
   const MaterialDatabase database = MaterialDatabase::builtin();
   const SemanticMaterials semantics = SemanticMaterials::indoor();
   const std::vector<std::string> slots = {"floor"};
-  const std::vector<Material> own = {database.get("marble", "")};
+  const std::vector<Material> slot_materials = {database.get("marble", "")};
   std::map<std::string, int> count;
   constexpr int draws = 400;
   for (int seed = 0; seed < draws; ++seed) {
-    const Material m = randomize_materials("s", slots, own, semantics, database,
+    const Material m = randomize_materials("s", slots, slot_materials, semantics, database,
                                            {.seed = static_cast<std::uint64_t>(seed), .noise_std = 0, .transmission_noise_db = 0})[0];
     if (seed < 50) {
       EXPECT_FLOAT_EQ(m.absorption.at(1000), database.get(m.name, "").absorption.at(1000));
@@ -133,7 +133,7 @@ TEST(AcousticRandomization, WithoutNoiseTheChoiceAloneIsRandom) {
   EXPECT_EQ(count.size(), semantics.all().at("floor").size());
   for (const auto& [name, times] : count) EXPECT_NEAR(times, 400 / static_cast<int>(count.size()), 36) << name;
   const AcousticRandomization fixed{.seed = 1, .candidates = false};
-  EXPECT_EQ(randomize_materials("s", slots, own, semantics, database, fixed)[0].name, "marble");
+  EXPECT_EQ(randomize_materials("s", slots, slot_materials, semantics, database, fixed)[0].name, "marble");
 }
 
 TEST(AcousticRandomization, ScenesAndTheirFilesTakeIt) {

@@ -27,8 +27,8 @@ const std::string& category_of(const Scene& scene, const Appearance& appearance,
   const TriangleMesh& mesh = scene.mesh();
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     if (mesh.object_names[mesh.triangle_object[t]] == object) return category_names()[appearance.triangle_category[t]];
-  static const std::string none = "no such object";
-  return none;
+  static const std::string missing_name = "no such object";
+  return missing_name;
 }
 
 TEST(Appearance, CategoriesAreNumberedOnce) {
@@ -74,7 +74,7 @@ TEST(Appearance, ObjTakesKdAndObjectNames) {
   }
 }
 
-// Colours that are no numbers, or past every bound, give a colour all the same, and a comment behind a name is no part of it.
+// Colours that are not numbers, or out of range, give a valid colour; a comment after a name does not belong to it.
 TEST(Appearance, ColoursThatAreNoNumbersAreBlack) {
   const TempFolder folder;
   folder.write("room.mtl", "newmtl odd # of an exporter\nKd nan nan inf\n");

@@ -151,7 +151,7 @@ TEST_F(HeadFiles, ASourceTakesTheSphereOfItsDistance) {
             1e-4);
 }
 
-// Spheres at two or three distances drawn at random, with some measurements of a ring besides, which is no sphere.
+// Spheres at two or three distances drawn at random, with some further measurements on a ring, which is not a sphere.
 TEST_F(HeadFiles, MadeSpheresAreChosenAndInterpolated) {
   for (std::uint32_t i = 0; i < 10; ++i) {
     MadeHead head;

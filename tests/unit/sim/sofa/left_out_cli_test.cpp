@@ -136,9 +136,9 @@ TEST_F(LeftOutDirections, TheTimeBetweenTheEarsIsSmooth) {
       const std::vector<Pair> heard = hear((data_folder() / name).string(), towards, distance_m);
       double before = lead_us(heard[0], 44100);
       for (std::size_t i = 1; i < heard.size(); ++i) {
-        const double here = lead_us(heard[i], 44100);
-        EXPECT_LT(std::abs(here - before), 13.0) << name << ' ' << i;
-        before = here;
+        const double lead = lead_us(heard[i], 44100);
+        EXPECT_LT(std::abs(lead - before), 13.0) << name << ' ' << i;
+        before = lead;
       }
     }
   }

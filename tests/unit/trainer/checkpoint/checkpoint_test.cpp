@@ -309,7 +309,7 @@ TEST(CheckpointOptimizer, WrongStateIsAnInputErrorAndChangesNothing) {
   expect_refused([&](State& state) { state["unknown.step"] = torch::tensor(1, torch::kInt64); }, "does not have");
   const auto after = optimizer_state_of(policy, optimizer);
   for (const auto& [key, tensor] : good.optimizer) EXPECT_TRUE(same_bits(tensor, after.at(key))) << key;
-  load_optimizer_state(policy, optimizer, Checkpoint{});  // an export has none: Adam starts anew
+  load_optimizer_state(policy, optimizer, Checkpoint{});  // an export has no optimizer state: Adam starts anew
   EXPECT_TRUE(optimizer_state_of(policy, optimizer).empty());
 }
 

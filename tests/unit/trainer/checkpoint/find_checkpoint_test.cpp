@@ -23,9 +23,9 @@ class FindCheckpoint : public testing::Test {
     checkpoint.weights["w"] = torch::ones({100});
     save_checkpoint(checkpoint, path(name));
   }
-  void damage(const std::string& name, const std::function<void(std::string&)>& how) {
+  void damage(const std::string& name, const std::function<void(std::string&)>& change) {
     std::string bytes = read_file(path(name));
-    how(bytes);
+    change(bytes);
     write_file_atomically(path(name), bytes);
   }
   [[nodiscard]] std::filesystem::path path(const std::string& name) const { return folder_.path() / "checkpoints" / name; }
@@ -54,7 +54,7 @@ TEST_F(FindCheckpoint, TakesTheNewestThatIsWhole) {
 /// A damaged copy that differs: bits flipped, the end cut off, a block of zeros, two blocks swapped, a wrong length in the header, or bytes
 /// after the end.  `part` of `parts`: damage of one place is made there, so that a thousand of them cover the whole file.
 std::string damaged(const std::string& whole, std::uint32_t part, std::uint32_t parts) {
-  for (std::uint32_t attempt = 0;; ++attempt) {  // zeros where zeros were, or equal blocks, are no damage
+  for (std::uint32_t attempt = 0;; ++attempt) {  // zeros over zeros, or equal blocks, are not damage
     const RandomStream random(23, Purpose::test, part, attempt);
     std::uint32_t draw = 0;
     const auto below = [&](std::size_t bound) { return static_cast<std::size_t>(random.below(static_cast<std::uint32_t>(bound), draw++)); };
@@ -63,7 +63,7 @@ std::string damaged(const std::string& whole, std::uint32_t part, std::uint32_t 
     switch (part % 6) {
       case 0:
         bytes[place] = static_cast<char>(bytes[place] ^ (1 << below(8)));
-        for (std::size_t more = below(5); more > 0; --more) bytes[below(bytes.size())] ^= static_cast<char>(1 << below(8));
+        for (std::size_t remaining = below(5); remaining > 0; --remaining) bytes[below(bytes.size())] ^= static_cast<char>(1 << below(8));
         break;
       case 1:
         bytes.resize(place);

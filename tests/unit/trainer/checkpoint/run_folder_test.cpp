@@ -28,17 +28,17 @@ class RunFolderTest : public testing::Test {
 };
 
 TEST_F(RunFolderTest, OverwritingRemovesOnlyWhatARunWrites) {
-  const std::set<std::string> own{"train.json.gz",   "eval.json.gz",         "result_quick.json",     "notes.txt",
-                                  "curve.svg.bak",   "quarantine/mine.json", "checkpoints/notes.txt", "exports/update_000001.ckpt",
-                                  "events.jsonl.gz", "quarantine/a_123.json"};
-  for (const std::string& name : own) write(name);
+  const std::set<std::string> user_files{"train.json.gz",   "eval.json.gz",         "result_quick.json",     "notes.txt",
+                                         "curve.svg.bak",   "quarantine/mine.json", "checkpoints/notes.txt", "exports/update_000001.ckpt",
+                                         "events.jsonl.gz", "quarantine/a_123.json"};
+  for (const std::string& name : user_files) write(name);
   for (const char* name :
        {"checkpoints/update_000050.ckpt", "checkpoints/update_1000000.ckpt", "checkpoints/last.ckpt", "checkpoints/best.ckpt",
         "events.jsonl", "curve.svg", "events.out.tfevents.0000000001.host.1.0", "quarantine/sound_0123456789abcdef.json"})
     write(name);
   EXPECT_EQ(run_.checkpoints().size(), 4u);
   run_.remove_run();
-  EXPECT_EQ(files(), own);
+  EXPECT_EQ(files(), user_files);
   EXPECT_TRUE(run_.checkpoints().empty());
 }
 
@@ -60,10 +60,10 @@ TEST_F(RunFolderTest, ACheckpointOfAnotherNameIsKeptAndStopsTheOverwriting) {
 }
 
 TEST_F(RunFolderTest, AFolderThatIsNotThereHoldsNothing) {
-  const RunFolder none(folder_.path() / "none");
-  EXPECT_TRUE(none.checkpoints().empty());
-  none.remove_run();
-  EXPECT_FALSE(std::filesystem::exists(none.path()));
+  const RunFolder missing_folder(folder_.path() / "none");
+  EXPECT_TRUE(missing_folder.checkpoints().empty());
+  missing_folder.remove_run();
+  EXPECT_FALSE(std::filesystem::exists(missing_folder.path()));
 }
 
 TEST_F(RunFolderTest, SurplusIsWhatIsOldOrOfALaterUpdate) {

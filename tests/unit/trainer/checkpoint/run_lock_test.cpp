@@ -262,9 +262,9 @@ TEST(RunLock, RecordsComeBackAndDamagedOnesAreNone) {
 
 TEST(RunClaim, AnotherRunInTheFolderEndsTheWriter) {
   const PrivateTestFolder folder;
-  RunClaim none;
-  none.take();
-  none.keep();
+  RunClaim unlocked;
+  unlocked.take();
+  unlocked.keep();
   auto lock = RunLock::acquire(folder.path(), "earshot train", {});
   const std::string run = lock->run();
   RunClaim first(folder.path(), std::move(lock), run, false);

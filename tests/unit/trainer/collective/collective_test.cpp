@@ -110,13 +110,13 @@ TEST_P(RingOf, BroadcastGatherAndBarrier) {
         if (bytes[i] != std::byte(i * 31 >> 3 & 0xFF)) return false;
     }
     for (const std::size_t size : {0, 3, 3000000}) {
-      const auto part = [&](int of) {
-        return std::string(size * static_cast<std::size_t>(of), static_cast<char>('a' + of));
+      const auto part = [&](int sender) {
+        return std::string(size * static_cast<std::size_t>(sender), static_cast<char>('a' + sender));
       };  // rank 0's is empty
       const auto parts = ring->all_gather(part(rank));
       if (static_cast<int>(parts.size()) != world_size()) return false;
-      for (int of = 0; of < world_size(); ++of)
-        if (parts[static_cast<std::size_t>(of)] != part(of)) return false;
+      for (int sender = 0; sender < world_size(); ++sender)
+        if (parts[static_cast<std::size_t>(sender)] != part(sender)) return false;
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(30 * rank));
     ++arrived[0];
@@ -234,7 +234,7 @@ TEST_P(RingOf, AnotherCallOnOneWorkerIsAnErrorOnAll) {
 TEST(Collective, ASumOfAnotherSizeIsNamedWithBothSizes) {
   for (const int world_size : {2, 3, 4}) {
     const PrivateTestFolder folder;
-    SharedArray<std::atomic<int>, 2> said;  // how many named both sizes, and how many complained of something else in the message
+    SharedArray<std::atomic<int>, 2> said;  // number of messages that named both sizes, and number with another complaint
     WorkerProcesses workers(world_size, [&](int rank) {
       RingConfig config = ring_in(folder, rank, world_size);
       config.network.shared_memory = false;

@@ -37,7 +37,7 @@ RingConfig lasting_ring(RingConfig config) {
 
 /// Sums until told to end, going on without whom it loses.
 struct Summing {
-  explicit Summing(Collective& with) : collective(with), rank(with.identity().rank) {}
+  explicit Summing(Collective& workers) : collective(workers), rank(workers.identity().rank) {}
 
   /// One sum, small or large; false where a change of membership took its place.
   bool sum_once() {
@@ -88,9 +88,9 @@ class LostWorkers : public testing::Test {
           if (rank == kVictim && state[0] > 10 && victim) victim(*collective);
         }
       } catch (const RunError& error) {
-        const std::string what = error.what();
-        std::fprintf(stderr, "worker %d ends: %s\n", rank, what.c_str());
-        return rank == kVictim && what.find("worker 1") != std::string::npos && what.find('\n') == std::string::npos;
+        const std::string message = error.what();
+        std::fprintf(stderr, "worker %d ends: %s\n", rank, message.c_str());
+        return rank == kVictim && message.find("worker 1") != std::string::npos && message.find('\n') == std::string::npos;
       }
       const bool expected = summing.right && summing.lost == std::vector<int>{kVictim} && collective->identity().world_size == kWorld - 1 &&
                             collective->members() == std::vector<int>({0, 2, 3});
@@ -268,7 +268,7 @@ TEST_F(LostWorkers, ABrokenConnectionIsNoMatterToSumsInSharedMemory) {
       Summing summing(*collective);
       for (int i = 0; i < 10; ++i) summing.sum_once();
       if (rank == 1 && break_bulk_connections() != 1) return false;
-      for (int i = 0; i < 40; ++i) {  // 1.6 s: longer than such a connection has where sums are sent
+      for (int i = 0; i < 40; ++i) {  // 1.6 s: longer than the timeout of a connection that carries sums
         if (rank == 2) std::this_thread::sleep_for(milliseconds(40));
         summing.sum_once();
         if (collective->all_gather(std::to_string(rank)).size() != 3) return false;

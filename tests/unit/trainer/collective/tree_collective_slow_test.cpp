@@ -51,8 +51,8 @@ TEST_P(ManyWorkers, SumAsASerialComputation) {
                  many_s = seconds_of(1, [&] { tree.all_reduce_sum(many); });
     if (rank == 0) seconds[1] = barrier_s, seconds[2] = few_s, seconds[3] = many_s;
     const auto texts = tree.all_gather(std::to_string(rank));
-    for (int of = 0; of < world_size; ++of)
-      if (texts[static_cast<std::size_t>(of)] != std::to_string(of)) return false;
+    for (int sender = 0; sender < world_size; ++sender)
+      if (texts[static_cast<std::size_t>(sender)] != std::to_string(sender)) return false;
     return true;
   });
   workers.expect_all_succeed();

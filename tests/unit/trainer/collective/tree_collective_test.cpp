@@ -55,13 +55,13 @@ TEST(TreeCollective, BroadcastGatherAndBarrier) {
         if (bytes[i] != byte(i)) return false;
     }
     for (const std::size_t size : {0, 3, 300}) {
-      const auto part = [&](int of) {
-        return std::string(size * static_cast<std::size_t>(of), static_cast<char>('!' + of % 90));
+      const auto part = [&](int sender) {
+        return std::string(size * static_cast<std::size_t>(sender), static_cast<char>('!' + sender % 90));
       };  // rank 0's is empty
       const auto parts = tree.all_gather(part(rank));
       if (static_cast<int>(parts.size()) != kWorkers) return false;
-      for (int of = 0; of < kWorkers; ++of)
-        if (parts[static_cast<std::size_t>(of)] != part(of)) return false;
+      for (int sender = 0; sender < kWorkers; ++sender)
+        if (parts[static_cast<std::size_t>(sender)] != part(sender)) return false;
     }
     std::this_thread::sleep_for(milliseconds(rank % 7 * 30));
     ++at_barrier[0];

@@ -174,9 +174,9 @@ TEST(LauncherEnvironment, ContradictionsAreRefusedInOneLine) {
       {with(kKubernetes, {{"JOB_COMPLETION_INDEX", "4"}}), "JOB_COMPLETION_INDEX = 4", "EARSHOT_WORLD_SIZE = 4"},
       {with(kKubernetes, {{"EARSHOT_RENDEZVOUS", "unset"}}), "EARSHOT_RENDEZVOUS", "the address of rank 0"},
   };
-  for (const auto& [variables, where, what] : cases) {
+  for (const auto& [variables, where, problem] : cases) {
     const std::string refusal = refusal_of(variables);
-    EXPECT_THAT(refusal, AllOf(HasSubstr(where), HasSubstr(what)));
+    EXPECT_THAT(refusal, AllOf(HasSubstr(where), HasSubstr(problem)));
     EXPECT_EQ(refusal.find('\n'), std::string::npos);
   }
 }

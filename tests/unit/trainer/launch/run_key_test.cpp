@@ -61,12 +61,12 @@ TEST_F(RunKeyOf, AllWorkersOfARunHaveTheSameAndTheLastOneRemovesIt) {
 TEST_F(RunKeyOf, ManyThatComeAtOnceAgree) {
   for (int round = 0; round < 20; ++round) {
     SharedArray<char, 8 * 64> seen;
-    SharedArray<std::atomic<int>, 2> here;
+    SharedArray<std::atomic<int>, 2> ready_workers;
     WorkerProcesses workers(8, [&](int rank) {
       const RunKey key("run", "tcp://[::1]:" + std::to_string(round + 1));
       read_curve_keys(key.file()).public_key.copy(&seen[static_cast<std::size_t>(rank) * 64], 40);
-      ++here[0];
-      while (here[0] < 8) std::this_thread::yield();
+      ++ready_workers[0];
+      while (ready_workers[0] < 8) std::this_thread::yield();
       return true;
     });
     workers.expect_all_succeed();

@@ -200,7 +200,7 @@ TEST_F(WorkerGroup, LostWorkersStopNoOtherWhereTheyGoOn) {
   EXPECT_EQ(spawn(3, "fail", std::chrono::seconds(40), OnLoss::go_on), 5);  // an error of its own ends the run
 }
 
-// With --join; and an error of one that was started again is no matter to the others.
+// With --join; and an error of a restarted worker does not affect the others.
 TEST_F(WorkerGroup, LostWorkersAreStartedAgain) {
   EXPECT_EQ(spawn(2, "restarted", milliseconds(5000), OnLoss::go_on, 2), 0);
   EXPECT_TRUE(exists("third"));

@@ -105,8 +105,8 @@ TEST(Gae, EqualsTheSumOverDeltasForRandomFlags) {
     std::vector<Case> envs;
     for (std::int64_t b = 0; b < B; ++b) {
       const auto row = [&](const torch::Tensor& slab) {
-        const torch::Tensor one = slab.select(1, b).contiguous();
-        return Row(one.data_ptr<double>(), one.data_ptr<double>() + T);
+        const torch::Tensor env_rewards = slab.select(1, b).contiguous();
+        return Row(env_rewards.data_ptr<double>(), env_rewards.data_ptr<double>() + T);
       };
       envs.push_back({row(rewards), row(values), row(terminated), row(truncated), row(final_values), next[b].item<double>()});
     }

@@ -156,8 +156,8 @@ RolloutBuffer half_guided(ActorCritic policy, int num_steps) {
     const torch::Tensor actions = torch::stack({seen["oracle_action"][0][0].to(torch::kInt64), torch::randint(4, {}, torch::kInt64)});
     rollout.push(seen, torch::ones({2}), actions, log_probabilities(output.logits, actions), output.value, torch::tensor({1.f, 0.f}));
     const std::vector<float> rewards{torch::randn({}).item<float>(), torch::randn({}).item<float>()};
-    const std::vector<std::uint8_t> none{0, 0}, all{1, 1};
-    rollout.push_outcome(rewards, none, none, torch::zeros({2}), all);
+    const std::vector<std::uint8_t> no_flags{0, 0}, all_flags{1, 1};
+    rollout.push_outcome(rewards, no_flags, no_flags, torch::zeros({2}), all_flags);
     hidden = output.hidden;
   }
   rollout.finish(torch::zeros({2}));

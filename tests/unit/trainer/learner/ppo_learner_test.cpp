@@ -221,9 +221,9 @@ TEST(PpoLearner, EveryEnvIsInOneMinibatchPerEpochAndEveryMinibatchIsSummed) {
     config.minibatches = minibatches;
     const RolloutBuffer rollout = make_rollout(make_policy(), 4, num_envs, 4);
     for (int env = 0; env < num_envs; ++env) {
-      RolloutBuffer only = rollout;
-      only.valid = torch::zeros_like(rollout.valid);
-      only.valid.select(1, env).fill_(1);
+      RolloutBuffer oracle_rows = rollout;
+      oracle_rows.valid = torch::zeros_like(rollout.valid);
+      oracle_rows.valid.select(1, env).fill_(1);
       int calls = 0, with_rows = 0;
       PpoLearner learner(make_policy(), config, 1);
       const std::size_t expected_size = static_cast<std::size_t>(make_policy()->num_parameters()) + 1;
@@ -232,7 +232,7 @@ TEST(PpoLearner, EveryEnvIsInOneMinibatchPerEpochAndEveryMinibatchIsSummed) {
         EXPECT_EQ(buffer.size(), expected_size);
         with_rows += buffer.back() > 0;
       });
-      learner.update(only, 0, 0, counted);
+      learner.update(oracle_rows, 0, 0, counted);
       EXPECT_EQ(calls, 2 * minibatches);
       EXPECT_EQ(with_rows, 2) << "env " << env << " of " << num_envs << " in " << minibatches;  // once per epoch
     }
@@ -369,16 +369,16 @@ TEST(PpoLearner, RecomputesWhatActed) {
 }
 
 TEST(PpoLearner, ReadsNoRowPastTheEnd) {
-  ActorCritic one = make_policy(), two = make_policy();
-  const RolloutBuffer exact = make_rollout(one, 3, 4, 12);
-  RolloutBuffer longer = make_rollout(two, 3, 4, 12, 8);
+  ActorCritic first_policy = make_policy(), second_policy = make_policy();
+  const RolloutBuffer exact = make_rollout(first_policy, 3, 4, 12);
+  RolloutBuffer longer = make_rollout(second_policy, 3, 4, 12, 8);
   for (torch::Tensor* slab : {&longer.observations.at("pointgoal"), &longer.not_done, &longer.log_prob, &longer.values, &longer.rewards,
                               &longer.final_values, &longer.terminated, &longer.truncated, &longer.valid, &longer.guided})
     slab->slice(0, 3).fill_(std::numeric_limits<float>::quiet_NaN());
-  PpoLearner(one, PpoConfig{}, 1).update(exact, 0, 0, kAlone);
-  PpoLearner(two, PpoConfig{}, 1).update(longer, 0, 0, kAlone);
-  EXPECT_TRUE(flat(one).equal(flat(two)));
-  EXPECT_FALSE(flat(one).equal(flat(make_policy())));
+  PpoLearner(first_policy, PpoConfig{}, 1).update(exact, 0, 0, kAlone);
+  PpoLearner(second_policy, PpoConfig{}, 1).update(longer, 0, 0, kAlone);
+  EXPECT_TRUE(flat(first_policy).equal(flat(second_policy)));
+  EXPECT_FALSE(flat(first_policy).equal(flat(make_policy())));
 }
 
 TEST(PpoLearner, IsAFunctionOfItsInputs) {

@@ -65,8 +65,8 @@ TEST(PpoLoss, NineCellsOfTheClippedSurrogate) {
   Rows all;
   double sum = 0;
   for (const Cell& cell : cells) {
-    const Rows one{{std::log(cell.ratio) - 1}, {-1}, {cell.advantage}, {0}, {0}, {0}, {0}, {1}};
-    const Result result = evaluate(one, 0.2, policy_only());
+    const Rows single_row{{std::log(cell.ratio) - 1}, {-1}, {cell.advantage}, {0}, {0}, {0}, {0}, {1}};
+    const Result result = evaluate(single_row, 0.2, policy_only());
     EXPECT_NEAR(result.policy, -cell.surrogate, 1e-12) << cell.ratio << " " << cell.advantage;
     EXPECT_NEAR(result.by_log_prob[0], -cell.slope, 1e-12) << cell.ratio << " " << cell.advantage;
     EXPECT_EQ(result.clip_fraction, cell.ratio == 1.0 ? 0 : 1);
@@ -190,10 +190,12 @@ TEST(PpoLoss, RowsThatDoNotCountMayHoldAnything) {
   EXPECT_EQ(actual.by_entropy, (Row{expected.by_entropy[0], 0}));
 
   dirty.valid = {0, 0};
-  const Result none = evaluate(dirty, 0.2, config);
-  for (const double zero : {none.total, none.policy, none.value, none.entropy, none.approx_kl, none.clip_fraction}) EXPECT_EQ(zero, 0);
-  EXPECT_EQ(none.by_log_prob, (Row{0, 0}));
-  EXPECT_EQ(none.by_value, (Row{0, 0}));
+  const Result without_rows = evaluate(dirty, 0.2, config);
+  for (const double zero : {without_rows.total, without_rows.policy, without_rows.value, without_rows.entropy, without_rows.approx_kl,
+                            without_rows.clip_fraction})
+    EXPECT_EQ(zero, 0);
+  EXPECT_EQ(without_rows.by_log_prob, (Row{0, 0}));
+  EXPECT_EQ(without_rows.by_value, (Row{0, 0}));
 }
 
 TEST(PpoConfig, ReadsItsKeysAndRefusesNonsense) {

@@ -83,14 +83,14 @@ TEST_F(CurveKeysFile, IsRefusedIfOthersCanReadItOrItHoldsNoPair) {
 }
 
 TEST_F(CurveKeysFile, AllowListTakesNotesAndRefusesWhatIsNoKey) {
-  const std::string one = make_curve_keys().public_key, other = make_curve_keys().public_key;
-  write("# hosts of the cluster\n\n" + one + " node1\n" + other + "\r\n#\n", 0644);
-  EXPECT_THAT(read_allow_list(file_), testing::UnorderedElementsAre(one, other));
-  write(one + "x\n");
+  const std::string first_key = make_curve_keys().public_key, second_key = make_curve_keys().public_key;
+  write("# hosts of the cluster\n\n" + first_key + " node1\n" + second_key + "\r\n#\n", 0644);
+  EXPECT_THAT(read_allow_list(file_), testing::UnorderedElementsAre(first_key, second_key));
+  write(first_key + "x\n");
   EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("line 1 is not a public key"));
   write("# nothing\n");
   EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("contains no key"));
-  write(one, 0664);
+  write(first_key, 0664);
   EXPECT_THAT(refusal_of(read_allow_list), HasSubstr("written by other users"));
 }
 

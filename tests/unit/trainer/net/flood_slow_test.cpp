@@ -85,12 +85,12 @@ class FloodedRun : public testing::Test {
       return sum_s;
     };
     const auto rate = [&](std::size_t of_phase) { return costs[of_phase][0].rounds / costs[of_phase][0].wall_s; };
-    for (std::size_t with = 1; with < kPhases; with += 2) {
-      processor.push_back(2 * per_round(with) / (per_round(with - 1) + per_round(with + 1)));
-      rounds.push_back(2 * rate(with) / (rate(with - 1) + rate(with + 1)));
+    for (std::size_t phase_index = 1; phase_index < kPhases; phase_index += 2) {
+      processor.push_back(2 * per_round(phase_index) / (per_round(phase_index - 1) + per_round(phase_index + 1)));
+      rounds.push_back(2 * rate(phase_index) / (rate(phase_index - 1) + rate(phase_index + 1)));
     }
     double flood_s = 0;
-    for (std::size_t with = 1; with < kPhases; with += 2) flood_s += costs[with][0].wall_s;
+    for (std::size_t phase_index = 1; phase_index < kPhases; phase_index += 2) flood_s += costs[phase_index][0].wall_s;
     for (std::size_t port = 0; port < kPorts; ++port) ratios.peers_per_s += peers[port] / flood_s;
     ratios.processor = median(processor), ratios.rounds_per_s = median(rounds);
     std::printf("%6.0f unknown peers a second at %d ports: processor time of a round x %.3f, rounds per second x %.3f (%.1f ms a round)\n",
@@ -155,8 +155,8 @@ class FloodedRun : public testing::Test {
 
 // The bound is on the workers' own processor time: the flooding program needs a core as well, which is the attacker's and not theirs.
 TEST_F(FloodedRun, UnknownPeersAtEachPortCostLessThanFivePercent) {
-  const Ratios none = measure(0);  // what the measurement itself is worth
-  EXPECT_LT(measure(200).processor - none.processor, 0.05);
+  const Ratios baseline = measure(0);  // what the measurement itself is worth
+  EXPECT_LT(measure(200).processor - baseline.processor, 0.05);
   measure(1000);
 }
 

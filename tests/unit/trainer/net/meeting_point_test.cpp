@@ -29,12 +29,12 @@ std::string address_of(int rank, std::uint32_t incarnation, int port) {
 
 TEST(MeetingPoint, IsAtTheOwnAddressUnlessTheRunBeganThere) {
   const int port = free_port();
-  const std::string own = "tcp://127.0.0.1:" + std::to_string(port);
+  const std::string own_address = "tcp://127.0.0.1:" + std::to_string(port);
   EXPECT_EQ(address_of(0, 0, port),
             "tcp://192.0.2.7:" + std::to_string(port));  // what the others were told, whatever this host calls itself
-  EXPECT_EQ(address_of(0, 5, port), own);
-  EXPECT_EQ(address_of(2, 0, port), own);
-  EXPECT_EQ(address_of(2, 5, port), own);
+  EXPECT_EQ(address_of(0, 5, port), own_address);
+  EXPECT_EQ(address_of(2, 0, port), own_address);
+  EXPECT_EQ(address_of(2, 5, port), own_address);
 }
 
 /// Whoever listens at the address of a run of three workers, where 0 and 1 are left, and admits rank 2 with an answer of its own.

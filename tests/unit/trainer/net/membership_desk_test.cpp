@@ -47,7 +47,7 @@ TEST_F(AddressBookTest, AStartThatWasLeftOutIsToldWhereItListens) {
   EXPECT_EQ(current->endpoint, "control1");
 }
 
-// The start that was a member hears that it is none any more; one that never was has no address to be told at.
+// A former member is told that it is not a member; a worker that never was one has no address.
 TEST_F(AddressBookTest, NoticesGoToTheStartThatWasAMember) {
   book_.replace(candidate(2, 9), true);
   const auto former = book_.take_notice_address({2, 0});

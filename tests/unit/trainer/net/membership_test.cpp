@@ -117,7 +117,7 @@ TEST(ViewAgreement, ALossThatOthersHaveNotHeardOfComesBeforeAJoin) {
   EXPECT_TRUE(a.is_decided() && b.is_decided());
 }
 
-// Workers that come are no part of the majority: two parts of a network that is cut never both go on with their help.
+// Joining workers do not count for the majority: two parts of a network that is cut never both go on with their help.
 TEST(ViewAgreement, TheMajorityIsOfMembers) {
   const View left{3, 0b00111};
   ViewAgreement a(2, left), c(3, left, 0b11000);

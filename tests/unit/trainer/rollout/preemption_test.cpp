@@ -31,13 +31,13 @@ TEST(Preemption, IsOffByDefault) {
 }
 
 TEST(Preemption, NeverBeforeTheLeastPart) {
-  const Preemption quarter(config(0.6), 64), odd(config(0.6), 10), none(config(0.6, 0), 64), all(config(0.6, 1), 64);
+  const Preemption quarter(config(0.6), 64), odd(config(0.6), 10), no_minimum(config(0.6, 0), 64), full_minimum(config(0.6, 1), 64);
   EXPECT_FALSE(quarter.may_end_with(14));
   EXPECT_TRUE(quarter.may_end_with(15));
   EXPECT_FALSE(odd.may_end_with(1));  // 2 of 10 are less than a quarter
   EXPECT_TRUE(odd.may_end_with(2));
-  EXPECT_TRUE(none.may_end_with(0));  // a rollout has one step
-  EXPECT_FALSE(all.may_end_with(62));
+  EXPECT_TRUE(no_minimum.may_end_with(0));  // a rollout has one step
+  EXPECT_FALSE(full_minimum.may_end_with(62));
 }
 
 TEST(Preemption, OnceEnoughOthersWait) {

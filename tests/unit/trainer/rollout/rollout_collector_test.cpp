@@ -59,11 +59,11 @@ void expect_same(const Collected& a, const Collected& b) {
 }
 
 TEST(RolloutCollector, HalvesInTheBackgroundGiveTheSameBitsEachTime) {
-  const Collected one = collect(run_config(true, 1));
-  EXPECT_EQ(one.rollout.num_steps(), 20);
-  EXPECT_GT(one.finished.values[EpisodeSums::count], 5);
-  expect_same(one, collect(run_config(true, 1)));
-  expect_same(one, collect(run_config(true, 3)));
+  const Collected one_thread = collect(run_config(true, 1));
+  EXPECT_EQ(one_thread.rollout.num_steps(), 20);
+  EXPECT_GT(one_thread.finished.values[EpisodeSums::count], 5);
+  expect_same(one_thread, collect(run_config(true, 1)));
+  expect_same(one_thread, collect(run_config(true, 3)));
 }
 
 // Products of two and three rows and of five differ in the last bit, and so do probabilities; what is done is the same.

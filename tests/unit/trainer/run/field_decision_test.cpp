@@ -29,9 +29,9 @@ class FieldDecisionTest : public testing::Test {
     save_episode_set(set, folder_ / "train.json.gz");
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
-  RunConfig config(const std::vector<std::string>& more) const {
+  RunConfig config(const std::vector<std::string>& extra) const {
     std::vector<std::string> overrides{"out=" + (folder_ / "run").string(), "data.train.file=" + (folder_ / "train.json.gz").string()};
-    overrides.insert(overrides.end(), more.begin(), more.end());
+    overrides.insert(overrides.end(), extra.begin(), extra.end());
     return parse_run_config("", "run.yaml", overrides);
   }
   const std::filesystem::path folder_ =
@@ -40,15 +40,15 @@ class FieldDecisionTest : public testing::Test {
 };
 
 TEST_F(FieldDecisionTest, AutoFollowsTheStepsOfTheRunAndItsFieldsLieInItsFolder) {
-  const FieldDecision many = decide_field(config({"total_steps=1000000"}));
-  EXPECT_EQ(many.config.env.acoustics.field, Switch::on);
-  EXPECT_EQ(many.config.env.field_store, (folder_ / "run" / "fields").string());
-  EXPECT_THAT(many.text, HasSubstr("auto: on: 2 goals in 1 scenes"));
-  const FieldDecision few = decide_field(config({"total_steps=100"}));
-  EXPECT_EQ(few.config.env.acoustics.field, Switch::off);
-  EXPECT_EQ(few.config.env.field_store, "");
-  EXPECT_THAT(few.text, HasSubstr("auto: off"));
-  EXPECT_EQ(config_text(decide_field(config({"total_steps=1000000"})).config), config_text(many.config));
+  const FieldDecision long_run = decide_field(config({"total_steps=1000000"}));
+  EXPECT_EQ(long_run.config.env.acoustics.field, Switch::on);
+  EXPECT_EQ(long_run.config.env.field_store, (folder_ / "run" / "fields").string());
+  EXPECT_THAT(long_run.text, HasSubstr("auto: on: 2 goals in 1 scenes"));
+  const FieldDecision short_run = decide_field(config({"total_steps=100"}));
+  EXPECT_EQ(short_run.config.env.acoustics.field, Switch::off);
+  EXPECT_EQ(short_run.config.env.field_store, "");
+  EXPECT_THAT(short_run.text, HasSubstr("auto: off"));
+  EXPECT_EQ(config_text(decide_field(config({"total_steps=1000000"})).config), config_text(long_run.config));
 }
 
 TEST_F(FieldDecisionTest, WhatTheConfigSaysStays) {

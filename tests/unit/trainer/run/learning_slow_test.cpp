@@ -92,9 +92,9 @@ double accuracy_after_training(int updates, bool forgetful) {
         const ObservationTensors seen = task.observe();
         const torch::Tensor not_done = torch::full({kEnvs}, fresh || forgetful ? 0.f : 1.f);
         const PolicyOutput output = policy->step(seen, hidden, not_done);
-        std::vector<ActingEnv> who;
-        for (std::uint32_t env = 0; env < kEnvs; ++env) who.push_back({env, task.episode(), task.step_index()});
-        sample_actions(output.logits, who, 5, actions);
+        std::vector<ActingEnv> acting_envs;
+        for (std::uint32_t env = 0; env < kEnvs; ++env) acting_envs.push_back({env, task.episode(), task.step_index()});
+        sample_actions(output.logits, acting_envs, 5, actions);
         const torch::Tensor taken = torch::tensor(std::vector<std::int64_t>(actions.begin(), actions.end()));
         rollout.push(seen, not_done, taken, log_probabilities(output.logits, taken), output.value);
         fresh = task.step(actions, rewards);

@@ -86,7 +86,7 @@ TEST_F(SmallDisk, ADamagedNewestIsNoReasonToDropAnother) {
   EXPECT_THAT(names(), testing::Contains("update_000001.ckpt"));
 }
 
-// Another reason than room is none to remove anything.
+// Only a full disk is a reason to remove files.
 TEST_F(SmallDisk, OnlyAFullDiskCostsCheckpoints) {
   RunFiles files = this->files();
   for (std::uint64_t update : {1, 2}) EXPECT_EQ(files.save(of(update), false), 0u);
@@ -143,9 +143,9 @@ TEST(ResourceNeed, IsRefusedBeyondTheMachine) {
   EXPECT_THAT(refusal({"policy.hidden_size=8192"}, 8, machine), HasSubstr("policy.hidden_size = 8192"));
   EXPECT_THAT(refusal({}, 1, {.memory_bytes = 0, .process_bytes = 50'000'000, .cores = 2}), HasSubstr("the limit (ulimit -v) is 50 MB"));
   EXPECT_EQ(refusal({}, 1, {.memory_bytes = 0, .cores = 1}), "no error");
-  const MachineLimits here = machine_limits();
-  EXPECT_GT(here.memory_bytes, std::uint64_t{1} << 28);
-  EXPECT_GE(here.cores, 1);
+  const MachineLimits limits = machine_limits();
+  EXPECT_GT(limits.memory_bytes, std::uint64_t{1} << 28);
+  EXPECT_GE(limits.cores, 1);
 }
 
 }  // namespace

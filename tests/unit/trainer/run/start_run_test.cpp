@@ -169,7 +169,7 @@ TEST_F(StartRun, AStaleEpisodeSetIsRefused) {
   EXPECT_EQ(refusal(config({"env.task.step_reward=0", "env.sound_gain=2", "env.acoustics.rays=10", "ppo.clip=0.1"}), start), "starts");
 }
 
-// A set of the AudioNav layout from elsewhere has no such key: used as it is where the config does not generate.
+// A set of the AudioNav layout lacks this key: it is used unchanged if the config does not generate one.
 TEST_F(StartRun, ASetFromElsewhereIsUsedWhereTheConfigNamesNoScenes) {
   EpisodeSet set = load_episode_set(path("train.json"));
   set.generator.clear();

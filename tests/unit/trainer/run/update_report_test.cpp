@@ -44,10 +44,10 @@ TEST_F(UpdateReportTest, GoingBackKeepsWhatHappenedToMembers) {
 }
 
 TEST_F(UpdateReportTest, AnotherWorkerTakesTheWholeState) {
-  WorkerSums own;
-  own.episodes.values[EpisodeSums::count] = 3;
-  own.episodes.values[EpisodeSums::reward] = 6;
-  own.counters.values[RunCounters::poses] = 7;
+  WorkerSums own_sums;
+  own_sums.episodes.values[EpisodeSums::count] = 3;
+  own_sums.episodes.values[EpisodeSums::reward] = 6;
+  own_sums.counters.values[RunCounters::poses] = 7;
   class SecondOfTwo : public Collective {  // rank 1 writes nothing
    public:
     [[nodiscard]] WorkerIdentity identity() const override { return {1, 2}; }
@@ -59,7 +59,7 @@ TEST_F(UpdateReportTest, AnotherWorkerTakesTheWholeState) {
   } second;
   UpdateReport source(config_, second, progress_);
   (void)source.note(stats_of(5));
-  source.report(stats_of(5), own, {}, 1);
+  source.report(stats_of(5), own_sums, {}, 1);
   RunState state;
   source.write_to(state);
   report_.set_state(state);

@@ -9,12 +9,12 @@ namespace earshot {
 namespace {
 
 TEST(PathIdentity, TellsPathsApartByKindAndByWhatTheyMeetInWhichOrder) {
-  const std::array<std::uint32_t, 2> there = {3, 7}, back = {7, 3};
+  const std::array<std::uint32_t, 2> forward = {3, 7}, backward = {7, 3};
   const auto identity = [](ArrivalKind kind, std::span<const std::uint32_t> met) { return path_identity(kind, met); };
-  EXPECT_EQ(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, there));
-  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, back));
-  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::diffraction, there));
-  EXPECT_NE(identity(ArrivalKind::reflection, there), identity(ArrivalKind::reflection, std::span(there).first(1)));
+  EXPECT_EQ(identity(ArrivalKind::reflection, forward), identity(ArrivalKind::reflection, forward));
+  EXPECT_NE(identity(ArrivalKind::reflection, forward), identity(ArrivalKind::reflection, backward));
+  EXPECT_NE(identity(ArrivalKind::reflection, forward), identity(ArrivalKind::diffraction, forward));
+  EXPECT_NE(identity(ArrivalKind::reflection, forward), identity(ArrivalKind::reflection, std::span(forward).first(1)));
   EXPECT_NE(identity(ArrivalKind::direct, {}), 0u) << "0 means not known";
 }
 

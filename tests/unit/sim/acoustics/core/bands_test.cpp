@@ -61,12 +61,12 @@ TEST(Bands, LogSpacedIsClippedAtNyquistO31) {
   EXPECT_EQ(bands.size(), 7);
   EXPECT_EQ(bands.edge_hz.back(), 4000.f);
   for (const int count : {1, 2, 3, 4, 5, 8, 12, 16, 31, 32}) {  // H-29
-    const BandLayout any = BandLayout::log_spaced(count, 16000.f);
-    EXPECT_EQ(any.edge_hz.size(), any.centre_hz.size() + 1);
-    for (int i = 0; i < any.size(); ++i) {
-      EXPECT_LT(any.edge_hz[i], any.edge_hz[i + 1]);
-      EXPECT_GT(any.centre_hz[i], any.edge_hz[i]);
-      EXPECT_LE(any.centre_hz[i], any.edge_hz[i + 1]);
+    const BandLayout spaced = BandLayout::log_spaced(count, 16000.f);
+    EXPECT_EQ(spaced.edge_hz.size(), spaced.centre_hz.size() + 1);
+    for (int i = 0; i < spaced.size(); ++i) {
+      EXPECT_LT(spaced.edge_hz[i], spaced.edge_hz[i + 1]);
+      EXPECT_GT(spaced.centre_hz[i], spaced.edge_hz[i]);
+      EXPECT_LE(spaced.centre_hz[i], spaced.edge_hz[i + 1]);
     }
   }
 }

@@ -191,7 +191,7 @@ TEST(DiffractionEdges, AWallOfStripsOnAFloorHasNoRimThere) {
 }
 
 TEST(DiffractionEdges, FacesAreFollowedAsFarAsTheyGo) {
-  // A board of 0.3 x 2 x 0.03 m, and a floor far below it, which is no part of its faces.
+  // A board of 0.3 x 2 x 0.03 m, and a floor far below it, which does not belong to its faces.
   TriangleMesh mesh;
   rooms::append_box(mesh, {0, 0, 1}, {0.3, 2, 1.03}, 0);
   rooms::append_quad(mesh, {rooms::point(-20, -20, 0), rooms::point(20, -20, 0), rooms::point(20, 20, 0), rooms::point(-20, 20, 0)}, 0);

@@ -39,9 +39,9 @@ TEST(AcousticScene, ScatteringMayBeOverridden) {
   walls.fill(material);
   AcousticConfig config;
   const auto room = rooms::box(5, 4, 3, walls);
-  const AcousticScene own(room, config);
-  EXPECT_LT(own.scattering(0)[0], 0.15f);
-  EXPECT_GT(own.scattering(0)[6], 0.6f);
+  const AcousticScene default_scene(room, config);
+  EXPECT_LT(default_scene.scattering(0)[0], 0.15f);
+  EXPECT_GT(default_scene.scattering(0)[6], 0.6f);
   config.scattering = 0.25f;
   const AcousticScene fixed(room, config);
   for (const float s : fixed.scattering(0)) EXPECT_EQ(s, 0.25f);

@@ -147,7 +147,7 @@ TEST(EffectPlanProof, WhatIsOffIsWithinItsBoundAndWhatIsOnMatters) {
           }
           ++used;
           Change change = trial.change();
-          if (std::isinf(change.edc_db)) change.edc_db = 0;  // a curve that ends does not say by how much
+          if (std::isinf(change.edc_db)) change.edc_db = 0;  // a curve that ends does not tell the amount
           here.add(change);
         }
         if (used == 0) continue;
@@ -412,8 +412,8 @@ TEST(EffectPlanProof, NoViolationInRandomRooms) {
       AcousticConfig longer = config;
       longer.rir_length_s = 1.5f * scene.config().rir_length_s;
       longer.air_absorption = Switch::on;
-      AcousticConfig same = air;
-      const AcousticScene a(room, same), b(room, longer);
+      AcousticConfig repeated = air;
+      const AcousticScene a(room, repeated), b(room, longer);
       const EnergyResponse cut = effects::render(a, EarlyCandidates(a, source), listener),
                            whole = effects::render(b, EarlyCandidates(b, source), listener);
       const Change change = compare(a, cut, b, whole), upper = compare(a, cut, b, whole, -35);

@@ -224,13 +224,13 @@ TEST(ImagePaths, HalfSpaceO7) {
 TEST(ImagePaths, SwapGivesTheSameBitsO17) {
   const AcousticScene scene(rooms::shoe1(0.2, 0.1), early_config(3));
   for (const glm::vec3 listener : {rooms::shoe1_listener(), rooms::point(0.7, 3.1, 2.2), rooms::point(4.6, 0.4, 0.3)}) {
-    const auto there = arrivals_in(scene, rooms::shoe1_source(), listener);
+    const auto forward = arrivals_in(scene, rooms::shoe1_source(), listener);
     const auto back = arrivals_in(scene, listener, rooms::shoe1_source());
-    ASSERT_EQ(there.size(), back.size());
-    for (std::size_t i = 0; i < there.size(); ++i) {
-      EXPECT_EQ(there[i].distance_m, back[i].distance_m);
-      EXPECT_EQ(there[i].amplitude[0], back[i].amplitude[0]);
-      EXPECT_EQ(there[i].order, back[i].order);
+    ASSERT_EQ(forward.size(), back.size());
+    for (std::size_t i = 0; i < forward.size(); ++i) {
+      EXPECT_EQ(forward[i].distance_m, back[i].distance_m);
+      EXPECT_EQ(forward[i].amplitude[0], back[i].amplitude[0]);
+      EXPECT_EQ(forward[i].order, back[i].order);
     }
   }
 }

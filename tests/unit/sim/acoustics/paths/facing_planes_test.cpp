@@ -75,10 +75,10 @@ TEST(FacingPlanes, AddsTheImagesOfARowBetweenSideWalls) {
 
 TEST(FacingPlanes, IsTheSameWithSourceAndListenerSwapped) {
   const AcousticScene scene(flutter_room(0.02, 0.9), mirror_config(3));
-  const EnergyHistogram there = flutter(scene, source(), listener()), back = flutter(scene, listener(), source());
-  ASSERT_GT(rooms::total_energy(there), 0);
-  for (int bin = 0; bin < there.num_bins(); ++bin)
-    EXPECT_NEAR(there.energy(bin, 0), back.energy(bin, 0), 1e-4 * (there.energy(bin, 0) + 1e-9));
+  const EnergyHistogram forward = flutter(scene, source(), listener()), backward = flutter(scene, listener(), source());
+  ASSERT_GT(rooms::total_energy(forward), 0);
+  for (int bin = 0; bin < forward.num_bins(); ++bin)
+    EXPECT_NEAR(forward.energy(bin, 0), backward.energy(bin, 0), 1e-4 * (forward.energy(bin, 0) + 1e-9));
 }
 
 TEST(FacingPlanes, KeepsNoneWhereTheDiffuseFieldCoversIt) {

@@ -92,10 +92,10 @@ TEST(MovingSource, FindsTheImagesOfASourceAtRest) {
       moves.find_arrivals(acoustics, points[i] + way, of_moving);
       for (const Arrival& image : of_rest) {
         if (image.kind != ArrivalKind::reflection) continue;
-        const double own = double{image.amplitude[3]} * image.amplitude[3];
-        energy += own;
-        const bool there = std::ranges::any_of(of_moving, [&](const Arrival& other) { return other.identity == image.identity; });
-        kept += there ? own : 0.0;
+        const double image_energy = double{image.amplitude[3]} * image.amplitude[3];
+        energy += image_energy;
+        const bool is_found = std::ranges::any_of(of_moving, [&](const Arrival& other) { return other.identity == image.identity; });
+        kept += is_found ? image_energy : 0.0;
       }
     }
   }

@@ -284,13 +284,13 @@ TEST(O17_Transmission, SwappedEndsGiveTheSameBits) {
                             config());
   for (int i = 0; i < 50; ++i) {
     const glm::vec3 a = point(-0.1 - 0.11 * i, 0.013 * i, 0.07 * i), b = point(3 + 0.07 * i, 0.3 - 0.031 * i, 1.0 / (i + 1));
-    const std::vector<Arrival> there = transmitted(scene, a, b), back = transmitted(scene, b, a);
-    ASSERT_EQ(there.size(), 1u);
-    ASSERT_EQ(back.size(), 1u);
-    EXPECT_EQ(there[0].order, 5);
-    EXPECT_EQ(there[0].distance_m, back[0].distance_m);
-    EXPECT_EQ(there[0].amplitude, back[0].amplitude);
-    EXPECT_EQ(there[0].direction, back[0].departure);
+    const std::vector<Arrival> forward = transmitted(scene, a, b), backward = transmitted(scene, b, a);
+    ASSERT_EQ(forward.size(), 1u);
+    ASSERT_EQ(backward.size(), 1u);
+    EXPECT_EQ(forward[0].order, 5);
+    EXPECT_EQ(forward[0].distance_m, backward[0].distance_m);
+    EXPECT_EQ(forward[0].amplitude, backward[0].amplitude);
+    EXPECT_EQ(forward[0].direction, backward[0].departure);
   }
 }
 

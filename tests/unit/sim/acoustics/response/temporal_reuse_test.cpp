@@ -159,7 +159,7 @@ TEST(TemporalReuse, AJumpASightChangeAndAnotherSceneAreColdStarts) {
   walk(warm, scene, {{*visible, listener}, {*visible, listener}});
   const std::vector<Frame> after(3, Frame{kSource, kListener});
   EXPECT_EQ(walk(warm, other, after), walk(cold, other, after));
-  // And a small step in sight is none.
+  // A small step in sight is not a change of scene.
   walk(warm, scene, {{*visible, listener}, {*visible + near_step, listener}});
   EXPECT_LT(warm.weight(), 1);
 }

@@ -69,7 +69,7 @@ bool is_place_of_a_head(const Scene& scene, glm::vec3 place) {
 
 /// Late energy, all bands and times together, at kPoses places of heads: fields of independent seeds against the bidirectional tracer.
 /// Every tenth place is moved to 12 cm from the nearest wall in some direction.
-void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
+void compare_with_the_tracer(const std::string& spec, const Comparison& comparison) {
   const auto scene = std::make_shared<const Scene>(load_scene(spec));
   const AirSample air = sample_air(*scene, 1);
   const glm::vec3 source = air.points[air.points.size() / 3];
@@ -84,13 +84,13 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
     }
     places.push_back(place);
   }
-  std::vector<std::vector<double>> gathered(static_cast<std::size_t>(how.fields));
+  std::vector<std::vector<double>> gathered(static_cast<std::size_t>(comparison.fields));
   for (std::uint64_t seed = 0; seed < gathered.size(); ++seed) {
-    AcousticConfig config = late_only(how.scattering);
+    AcousticConfig config = late_only(comparison.scattering);
     config.seed = seed;
     config.field_error = 1e-6f;
     config.field_photons = 16'384;
-    config.field_cell_m = how.field_cell_m;
+    config.field_cell_m = comparison.field_cell_m;
     const AcousticScene acoustics(scene, config);
     const EarlyCandidates candidates(acoustics, source);
     const auto field = build_source_field(acoustics, candidates);
@@ -103,9 +103,9 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
       gathered[seed].push_back(sum);
     }
   }
-  AcousticConfig config = late_only(how.scattering);
+  AcousticConfig config = late_only(comparison.scattering);
   config.seed = 77;
-  config.rays = config.source_rays = how.tracer_rays;
+  config.rays = config.source_rays = comparison.tracer_rays;
   config.source_bounces = 60;
   config.diffuse_last_segment = false;
   const AcousticScene base(scene, config);
@@ -114,7 +114,7 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
   int inside = 0, inside_or_blurred = 0;
   for (int i = 0; i < kPoses; ++i) {
     // Paths from the source of its own for each place: errors that are common to all places would not average out.
-    const AcousticScene acoustics = base.with_rays(how.tracer_rays, 1000 + static_cast<std::uint64_t>(i));
+    const AcousticScene acoustics = base.with_rays(comparison.tracer_rays, 1000 + static_cast<std::uint64_t>(i));
     EnergyHistogram late = make_histogram(acoustics);
     LateBatches batches;
     trace_bidirectional(acoustics, candidates, places[static_cast<std::size_t>(i)], late, &batches);
@@ -129,9 +129,9 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
     for (const double energy : of_batch) squares += (energy - mean) * (energy - mean);
     const double tracer_variance = squares / (batches.count * (batches.count - 1.0));
     double field_mean = 0, field_squares = 0;
-    for (const auto& of_seed : gathered) field_mean += of_seed[static_cast<std::size_t>(i)] / how.fields;
+    for (const auto& of_seed : gathered) field_mean += of_seed[static_cast<std::size_t>(i)] / comparison.fields;
     for (const auto& of_seed : gathered) field_squares += std::pow(of_seed[static_cast<std::size_t>(i)] - field_mean, 2);
-    const double field_variance = field_squares / (how.fields * (how.fields - 1.0));
+    const double field_variance = field_squares / (comparison.fields * (comparison.fields - 1.0));
     const double z = (field_mean - mean) / std::sqrt(tracer_variance + field_variance);
     sum_z += z;
     sum_z2 += z * z;
@@ -144,8 +144,8 @@ void compare_with_the_tracer(const std::string& spec, const Comparison& how) {
       "%s: z mean %+.2f rms %.2f worst %.1f; within two standard errors %d, and half a decibel %d of %d; level %+.3f dB in the mean\n",
       spec.c_str(), sum_z / kPoses, std::sqrt(sum_z2 / kPoses), worst_z, inside, inside_or_blurred, kPoses, sum_db / kPoses);
   EXPECT_GE(inside_or_blurred, 95);
-  EXPECT_GE(inside, how.least_inside);
-  EXPECT_LT(std::sqrt(sum_z2 / kPoses), how.most_rms);
+  EXPECT_GE(inside, comparison.least_inside);
+  EXPECT_LT(std::sqrt(sum_z2 / kPoses), comparison.most_rms);
   EXPECT_LT(std::fabs(sum_db / kPoses), 0.15);
 }
 

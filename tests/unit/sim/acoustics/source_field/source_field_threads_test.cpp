@@ -23,8 +23,8 @@ TEST(SourceField, ThreadsAndRefinementSchedulesGiveTheSameBits) {
     const auto image = field.field->image();
     return std::vector<std::byte>(image.begin(), image.end());
   };
-  const auto one = image_with(1);
-  EXPECT_EQ(one, image_with(2));
+  const auto one_thread = image_with(1);
+  EXPECT_EQ(one_thread, image_with(2));
 
   config.threads = 1;
   const AcousticScene scene(room, config);
@@ -33,7 +33,7 @@ TEST(SourceField, ThreadsAndRefinementSchedulesGiveTheSameBits) {
   while (builder.refine()) (void)builder.snapshot();  // looking on the way changes nothing
   const auto snapshot = builder.snapshot();
   const auto last = snapshot->image();
-  EXPECT_TRUE(std::equal(one.begin(), one.end(), last.begin(), last.end()));
+  EXPECT_TRUE(std::equal(one_thread.begin(), one_thread.end(), last.begin(), last.end()));
 }
 
 }  // namespace

@@ -179,13 +179,13 @@ TEST(PathGlide, OfManyPathsTheStrongestGlide) {
   std::vector<Arrival> arrivals;
   for (int i = 0; i < 6; ++i) arrivals.push_back(arrival_at(2.0 + i, i == 4 ? 0.11 : 0.1 / (1 + i), {0, 0, -1}, i));
   const EnergyResponse response = response_with(arrivals);
-  PathGlider three(mono_tables(3), 800), many(mono_tables(64), 800), none(mono_tables(0), 800);
+  PathGlider three(mono_tables(3), 800), many(mono_tables(64), 800), no_glides(mono_tables(0), 800);
   EXPECT_EQ(std::vector<std::uint8_t>(three.choose(response).begin(), three.choose(response).end()),
             (std::vector<std::uint8_t>{1, 1, 0, 0, 1, 0}));
   // -12 dB is a factor of 0.251 in amplitude: 0.0276 of 0.11.
   EXPECT_EQ(std::vector<std::uint8_t>(many.choose(response).begin(), many.choose(response).end()),
             (std::vector<std::uint8_t>{1, 1, 1, 0, 1, 0}));
-  for (const std::uint8_t marked : none.choose(response)) EXPECT_EQ(marked, 0);
+  for (const std::uint8_t marked : no_glides.choose(response)) EXPECT_EQ(marked, 0);
   EXPECT_TRUE(three.choose(response_with()).empty());
 }
 

@@ -71,20 +71,20 @@ TEST(BidirectionalSlow, O22_LevelBehindAWall) {
   const double absorption = 0.1, tau = 0.05;
   const auto room = two_rooms(absorption, 1, absorption, tau);
   const AcousticConfig config = transmitting_config(16384);
-  const Sample here = bidirectional_field(room, config, source, same_room).total();
-  const Sample there = bidirectional_field(room, config, source, next_room).total();
+  const Sample same_energy = bidirectional_field(room, config, source, same_room).total();
+  const Sample next_energy = bidirectional_field(room, config, source, next_room).total();
 
   const PhotonRoom photons{.two_rooms = true, .absorption = absorption, .wall_absorption = absorption, .wall_transmission = tau};
-  expect_same(here, photon_energy(photons, {1.2, 1.5, 1.1}, {3.0, 2.6, 1.7}, 0.4, 0.8, 60'000), 3, 0.03, "same room");
-  expect_same(there, photon_energy(photons, {1.2, 1.5, 1.1}, {7.5, 1.4, 1.3}, 0.4, 0.8, 300'000), 3, 0.04, "next room");
+  expect_same(same_energy, photon_energy(photons, {1.2, 1.5, 1.1}, {3.0, 2.6, 1.7}, 0.4, 0.8, 60'000), 3, 0.03, "same room");
+  expect_same(next_energy, photon_energy(photons, {1.2, 1.5, 1.1}, {7.5, 1.4, 1.3}, 0.4, 0.8, 300'000), 3, 0.04, "next room");
 
   // D = TL + 10 log10(A2 / S): 13.01 + 10 log10(9.4 / 12).  1 dB: in rooms of this size the level falls away from where sound enters;
   // tau taken at both faces, or as a pressure, would be 13 dB off.
-  const double difference_db = 10 * std::log10(here.mean / there.mean);
-  EXPECT_NEAR(difference_db, 13.0103 + 10 * std::log10(9.4 / 12.0), 1.0) << there.standard_error / there.mean;
+  const double difference_db = 10 * std::log10(same_energy.mean / next_energy.mean);
+  EXPECT_NEAR(difference_db, 13.0103 + 10 * std::log10(9.4 / 12.0), 1.0) << next_energy.standard_error / next_energy.mean;
 
   // Reciprocal.
-  expect_same(there, bidirectional_field(room, config, next_room, source).total(), 4, 0.03, "swapped");
+  expect_same(next_energy, bidirectional_field(room, config, next_room, source).total(), 4, 0.03, "swapped");
 
   // The listener-rooted tracer, with last segments through the wall by chance and by sight.
   for (const bool diffuse_last_segment : {false, true}) {
@@ -94,7 +94,7 @@ TEST(BidirectionalSlow, O22_LevelBehindAWall) {
     rooted.diffuse_last_segment = diffuse_last_segment;
     const Sample alone = rooms::over_seeds(
         8, rooted, [&](const AcousticConfig& c) { return rooms::total_energy(rooms::late_field(room, c, source, next_room)); });
-    expect_same(there, alone, 4, 0.08, diffuse_last_segment ? "rooted, by sight" : "rooted, by chance");
+    expect_same(next_energy, alone, 4, 0.08, diffuse_last_segment ? "rooted, by sight" : "rooted, by chance");
   }
 }
 

@@ -192,10 +192,11 @@ TEST(BidirectionalSlow, SharedRaysAreUnbiasedInEveryBand) {
     config.source_radius_m = 0.5f;
     const BidirectionalField shared = bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
     for (const int band : {0, 3}) {
-      AcousticConfig own = config;
-      own.scattering = AcousticScene(room, config).scattering(0)[band];
-      own.seed = 1;
-      expect_same(shared.total(band), bidirectional_field(room, own, rooms::shoe1_source(), rooms::shoe1_listener()).total(band), 4, 0.05);
+      AcousticConfig seeded_config = config;
+      seeded_config.scattering = AcousticScene(room, config).scattering(0)[band];
+      seeded_config.seed = 1;
+      expect_same(shared.total(band), bidirectional_field(room, seeded_config, rooms::shoe1_source(), rooms::shoe1_listener()).total(band),
+                  4, 0.05);
     }
   }
 }

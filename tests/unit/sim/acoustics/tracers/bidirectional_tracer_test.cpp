@@ -106,10 +106,11 @@ TEST(Bidirectional, BandsThatDecayApartShareRaysWithoutBias) {
   const BidirectionalField shared = bidirectional_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
   for (int band = 0; band < 4; ++band) {
     const double absorption = 1 - AcousticScene(room, config).reflectance(0)[band];
-    AcousticConfig own = config;
-    own.bands = 1;
-    own.seed = 1;
-    const BidirectionalField alone = bidirectional_field(rooms::shoe1(absorption, 1), own, rooms::shoe1_source(), rooms::shoe1_listener());
+    AcousticConfig seeded_config = config;
+    seeded_config.bands = 1;
+    seeded_config.seed = 1;
+    const BidirectionalField alone =
+        bidirectional_field(rooms::shoe1(absorption, 1), seeded_config, rooms::shoe1_source(), rooms::shoe1_listener());
     const auto late = [](double t) { return t > 0.1 ? 1.0 : 0.0; };
     expect_same(shared.total(band), alone.total(), 4, 0.01);
     if (band < 2) expect_same(shared.sum(band, late), alone.sum(0, late), 4, 0.05);

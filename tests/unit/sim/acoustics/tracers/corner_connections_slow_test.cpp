@@ -64,8 +64,8 @@ TEST(CornerConnections, ShortEdgesAreLeftToTheVolume) {
   const Statistics from_listener =
       over_seeds([&](const AcousticConfig& config) { return rooms::total_energy(rooms::late_field(room, config, source(), listener())); });
   const Statistics all = both_ends(true), open = both_ends(false);
-  const auto print = [](const char* what, const Statistics& s) {
-    std::printf("corner, %s: late energy %.5g +- %.1g, kurtosis over seeds %.1f, largest %.2f of the mean\n", what, s.total.mean,
+  const auto print = [](const char* tracer, const Statistics& s) {
+    std::printf("corner, %s: late energy %.5g +- %.1g, kurtosis over seeds %.1f, largest %.2f of the mean\n", tracer, s.total.mean,
                 s.total.standard_error, s.kurtosis, s.largest);
   };
   print("from the listener", from_listener);

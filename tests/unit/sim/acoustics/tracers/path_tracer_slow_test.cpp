@@ -63,9 +63,9 @@ TEST(PathTracerSlow, BandsWithTheirOwnScatteringAreUnbiased) {
     const Sample shared = over_seeds(12, config, [&](const AcousticConfig& c) {
       return late_fraction(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
     });
-    AcousticConfig own = config;
-    own.scattering = AcousticScene(room, config).scattering(0)[band];
-    const Sample alone = over_seeds(12, own, [&](const AcousticConfig& c) {
+    AcousticConfig case_config = config;
+    case_config.scattering = AcousticScene(room, config).scattering(0)[band];
+    const Sample alone = over_seeds(12, case_config, [&](const AcousticConfig& c) {
       return late_fraction(late_field(room, c, rooms::shoe1_source(), rooms::shoe1_listener()), band);
     });
     const double sigma = std::hypot(shared.standard_error, alone.standard_error);
@@ -222,10 +222,10 @@ TEST(PathTracerSlow, ReciprocityO17) {
     }
     return result;
   };
-  const auto there = run(rooms::shoe1_source(), rooms::shoe1_listener(), 1),
+  const auto forward = run(rooms::shoe1_source(), rooms::shoe1_listener(), 1),
              back = run(rooms::shoe1_listener(), rooms::shoe1_source(), 101);
   for (int w = 0; w < windows; ++w) {
-    EXPECT_NEAR(there[w].mean, back[w].mean, 4 * std::hypot(there[w].standard_error, back[w].standard_error)) << 20 * w << " ms";
+    EXPECT_NEAR(forward[w].mean, back[w].mean, 4 * std::hypot(forward[w].standard_error, back[w].standard_error)) << 20 * w << " ms";
   }
 }
 

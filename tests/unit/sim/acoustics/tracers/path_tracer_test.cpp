@@ -324,8 +324,8 @@ TEST(PathTracer, SourceOneMillimetreFromAWallStaysFiniteH18H20) {
     const double near = total_energy(late_field(room, config, rooms::point(1.2, 1.5, 0.001), rooms::shoe1_listener(), &stats));
     EXPECT_TRUE(std::isfinite(near));
     EXPECT_EQ(stats.nonfinite_dropped, 0u);
-    // No firefly: not louder than a source at 20 cm by more than the wall's mirror can add, and not silent either (path_tracer.h
-    // says that such a source comes out low).
+    // No firefly: not louder than a source at 20 cm by more than the wall's mirror can add, and not silent either (path_tracer.h states
+    // that this source comes out low).
     const double at_20_cm = total_energy(late_field(room, config, rooms::point(1.2, 1.5, 0.2), rooms::shoe1_listener()));
     EXPECT_LT(10 * std::log10(near / at_20_cm), 3.0) << diffuse_last_segment;
     EXPECT_GT(10 * std::log10(near / at_20_cm), -10.0) << diffuse_last_segment;
@@ -381,12 +381,12 @@ TEST(PathTracer, FirstOrderHarmonicsPointToTheSound) {
 TEST(PathTracer, ManyBandsAgreeWithOneH29) {
   const auto room = rooms::shoe1(0.2, 0.5);
   AcousticConfig config = plain_config();
-  const EnergyHistogram one = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
+  const EnergyHistogram one_thread = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
   for (const int bands : {2, 5, 8, 12, 16, 31, 32}) {
     config.bands = bands;
-    const EnergyHistogram many = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
-    for (int band = 0; band < many.num_bands(); ++band) {
-      EXPECT_NEAR(total_energy(many, band), total_energy(one), 1e-5 * total_energy(one)) << bands;
+    const EnergyHistogram many_threads = late_field(room, config, rooms::shoe1_source(), rooms::shoe1_listener());
+    for (int band = 0; band < many_threads.num_bands(); ++band) {
+      EXPECT_NEAR(total_energy(many_threads, band), total_energy(one_thread), 1e-5 * total_energy(one_thread)) << bands;
     }
   }
 }

@@ -77,15 +77,15 @@ class DamagedSound : public ::testing::Test {
 
   /// Why the bytes are refused; empty where they are read.
   std::string refusal(const std::string& bytes, const std::string& ending) const {
-    std::string what;
+    std::string message;
     try {
       read(bytes, ending);
     } catch (const InputError& error) {
-      what = error.what();
-      EXPECT_THAT(what, HasSubstr("a." + ending));
-      EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+      message = error.what();
+      EXPECT_THAT(message, HasSubstr("a." + ending));
+      EXPECT_EQ(message.find('\n'), std::string::npos) << message;
     }
-    return what;
+    return message;
   }
 
   TempFolder folder_;
@@ -106,10 +106,10 @@ TEST_F(DamagedSound, EveryFormatIsRefusedOrReadWholeWhereverItIsCut) {
   for (const SoundFormatPair& pair : written_formats()) {
     const std::string bytes = encoded(pair.format, pair.ending);
     if (bytes.empty()) continue;
-    const std::string what = refusal(bytes, pair.ending);
-    if (!what.empty()) {
+    const std::string message = refusal(bytes, pair.ending);
+    if (!message.empty()) {
       // Of headers that state no length, and of containers that hardly anyone has, a cut cannot be told: none of them is read.
-      EXPECT_THAT(what, HasSubstr("in which a truncated file cannot be detected")) << pair.name;
+      EXPECT_THAT(message, HasSubstr("in which a truncated file cannot be detected")) << pair.name;
       ++refused_containers;
       continue;
     }
@@ -220,10 +220,10 @@ TEST_F(DamagedSound, Mp3IsReadToItsLastFrame) {
   const std::size_t second = mp3.find(mp3.substr(0, 2), mp3.find("Xing"));
   ASSERT_NE(second, std::string::npos);
   const std::string stream = mp3.substr(second);
-  if (const std::string what = refusal(stream, "mp3"); what.empty()) {
+  if (const std::string message = refusal(stream, "mp3"); message.empty()) {
     EXPECT_GE(read(stream, "mp3").size(), 59000u);
   } else {
-    EXPECT_THAT(what, HasSubstr("samples can be read"));
+    EXPECT_THAT(message, HasSubstr("samples can be read"));
   }
   EXPECT_THAT(refusal(mp3 + mp3, "mp3"), HasSubstr("frames of MPEG audio"));
 }
@@ -232,8 +232,8 @@ TEST_F(DamagedSound, TheGivenFilesAreRefused) {
   SKIP_WITHOUT_DATA("field");
   for (const char* file : {"sound_cut_flac/a.flac", "sound_cut_wav/cut.wav"}) {
     const std::string path = (data_folder() / "field" / file).string();
-    const auto what = message_of<InputError>([&] { load_sound(path, 16000); });
-    EXPECT_THAT(what, HasSubstr(path));
+    const auto message = message_of<InputError>([&] { load_sound(path, 16000); });
+    EXPECT_THAT(message, HasSubstr(path));
   }
 }
 

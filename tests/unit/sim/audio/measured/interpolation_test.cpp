@@ -189,9 +189,9 @@ TEST(HeadInterpolation, NodesCoverTheSphere) {
   }
   for (std::size_t node = 0; node < NodeGrid::num_nodes(); node += 37) {
     const NodeGrid::Place place = NodeGrid::find(glm::dvec3(NodeGrid::direction(node)));
-    double own = 0;
-    for (std::size_t n = 0; n < 4; ++n) own += place.node[n] == node ? static_cast<double>(place.weight[n]) : 0.0;
-    EXPECT_NEAR(own, 1.0, 1e-4) << node;
+    double own_error = 0;
+    for (std::size_t n = 0; n < 4; ++n) own_error += place.node[n] == node ? static_cast<double>(place.weight[n]) : 0.0;
+    EXPECT_NEAR(own_error, 1.0, 1e-4) << node;
   }
 }
 

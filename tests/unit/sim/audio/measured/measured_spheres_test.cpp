@@ -62,7 +62,7 @@ TEST(MeasuredSpheres, CopiesOfUnknownDistanceAllCount) {
   ASSERT_EQ(spheres.size(), 1u);
   EXPECT_EQ(spheres[0].distance_m, 0);
   ASSERT_EQ(spheres[0].directions.size(), 40u);
-  for (const MeasuredDirection& one : spheres[0].directions) EXPECT_EQ(one.copies.size(), 5u);
+  for (const MeasuredDirection& measured : spheres[0].directions) EXPECT_EQ(measured.copies.size(), 5u);
 }
 
 }  // namespace

@@ -146,8 +146,8 @@ TEST(InterauralSpectrogram, HistoryChangesNoBit) {
     const std::vector<float> window =
         both({left.begin() + begin, left.begin() + begin + kSamples}, {right.begin() + begin, right.begin() + begin + kSamples});
     keeping.analyze(window, moved, history, kept);
-    InterauralHistory none;
-    full.analyze(window, 0, none, anew);
+    InterauralHistory empty_history;
+    full.analyze(window, 0, empty_history, anew);
     ASSERT_EQ(kept, anew) << "after step " << i;
     if (i == steps.size()) break;
     moved = static_cast<std::size_t>(steps[i]);

@@ -11,9 +11,9 @@ namespace earshot {
 namespace {
 
 TEST(CompanionProgram, IsFoundBesideAndOneFolderUp) {
-  const std::filesystem::path own = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  EXPECT_EQ(companion_program("isolated_child"), own / "isolated_child");
-  EXPECT_EQ(companion_program("earshot_reader"), own.parent_path() / "earshot_reader");
+  const std::filesystem::path program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  EXPECT_EQ(companion_program("isolated_child"), program_folder / "isolated_child");
+  EXPECT_EQ(companion_program("earshot_reader"), program_folder.parent_path() / "earshot_reader");
 }
 
 TEST(CompanionProgram, VariableNamesAnother) {
@@ -25,12 +25,12 @@ TEST(CompanionProgram, VariableNamesAnother) {
 }
 
 TEST(CompanionProgram, LackNamesTheFoldersAndTheVariable) {
-  const std::string own = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  const std::string program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path();
   try {
     companion_program("no_such_program", "EARSHOT_TEST_COMPANION");
     FAIL() << "found";
   } catch (const RunError& error) {
-    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("no_such_program: is neither in " + own),
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("no_such_program: is neither in " + program_folder),
                                              testing::HasSubstr("set EARSHOT_TEST_COMPANION to its path")));
   }
 }

@@ -48,20 +48,20 @@ TEST(IsolatedCall, ARefusalKeepsItsWords) {
 }
 
 TEST(IsolatedCall, ACrashIsARefusal) {
-  for (const char* how : {"segv", "abort", "overflow"})
-    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("the library that reads it"), Not(HasSubstr("\n")))) << how;
+  for (const char* mode : {"segv", "abort", "overflow"})
+    EXPECT_THAT(refusal({mode}), AllOf(StartsWith("house.obj: "), HasSubstr("the library that reads it"), Not(HasSubstr("\n")))) << mode;
   EXPECT_THAT(refusal({"exit"}), HasSubstr("exit with code 3"));
   EXPECT_THAT(refusal({"leave"}), HasSubstr("an incomplete answer"));
 }
 
 TEST(IsolatedCall, AnEndlessReadEndsAtTheLimit) {
   constexpr IsolationLimits brief{.wall_time = std::chrono::milliseconds(500), .memory_bytes = std::uint64_t{256} << 20};
-  for (const char* how : {"sleep", "spin", "deaf", "half_then_sleep"}) {
+  for (const char* mode : {"sleep", "spin", "deaf", "half_then_sleep"}) {
     const auto start = Clock::now();
-    EXPECT_THAT(refusal({how}, brief), AllOf(StartsWith("house.obj: "), HasSubstr("within 0.5 s"))) << how;
+    EXPECT_THAT(refusal({mode}, brief), AllOf(StartsWith("house.obj: "), HasSubstr("within 0.5 s"))) << mode;
     const double elapsed_s = std::chrono::duration<double>(Clock::now() - start).count();
-    EXPECT_GE(elapsed_s, 0.5) << how;
-    EXPECT_LT(elapsed_s, 5.0) << how << " (the rest is for a busy machine)";
+    EXPECT_GE(elapsed_s, 0.5) << mode;
+    EXPECT_LT(elapsed_s, 5.0) << mode << " (the rest is for a busy machine)";
   }
 }
 
@@ -78,8 +78,8 @@ TEST(IsolatedCall, MemoryIsBounded) {
 }
 
 TEST(IsolatedCall, AHalfOrWrongAnswerIsARefusal) {
-  for (const char* how : {"half", "header", "garbage", "flipped", "huge"})
-    EXPECT_THAT(refusal({how}), AllOf(StartsWith("house.obj: "), HasSubstr("an incomplete answer"))) << how;
+  for (const char* mode : {"half", "header", "garbage", "flipped", "huge"})
+    EXPECT_THAT(refusal({mode}), AllOf(StartsWith("house.obj: "), HasSubstr("an incomplete answer"))) << mode;
 }
 
 TEST(IsolatedCall, CannotWriteFiles) {
@@ -93,7 +93,7 @@ TEST(IsolatedCall, CannotWriteFiles) {
 TEST(IsolatedCall, LeavesNoProcessAndNoDescriptor) {
   const std::size_t before = open_descriptors();
   constexpr IsolationLimits brief{.wall_time = std::chrono::milliseconds(300), .memory_bytes = std::uint64_t{256} << 20};
-  for (const char* how : {"echo", "segv", "sleep", "half", "garbage", "exit", "refuse"}) refusal({how, "x"}, brief);
+  for (const char* mode : {"echo", "segv", "sleep", "half", "garbage", "exit", "refuse"}) refusal({mode, "x"}, brief);
   EXPECT_THROW(call_isolated("/no/such/program", {}, "house.obj"), RunError);
   EXPECT_EQ(open_descriptors(), before);
   EXPECT_FALSE(has_children());
@@ -167,12 +167,12 @@ TEST(IsolatedCall, SaysWhenThereIsNoProgram) {
 }
 
 TEST(IsolatedCall, LimitsGrowWithTheFile) {
-  const IsolationLimits none = limits_for_file("/no/such/file");
-  EXPECT_EQ(none.wall_time, std::chrono::milliseconds(30'000));
-  EXPECT_EQ(none.memory_bytes, std::uint64_t{1} << 30);
-  const IsolationLimits own = limits_for_file("/proc/self/exe");
+  const IsolationLimits missing_file_limits = limits_for_file("/no/such/file");
+  EXPECT_EQ(missing_file_limits.wall_time, std::chrono::milliseconds(30'000));
+  EXPECT_EQ(missing_file_limits.memory_bytes, std::uint64_t{1} << 30);
+  const IsolationLimits program_limits = limits_for_file("/proc/self/exe");
   const std::uint64_t size = std::filesystem::file_size("/proc/self/exe");
-  EXPECT_EQ(own.memory_bytes, (std::uint64_t{1} << 30) + 40 * size);
+  EXPECT_EQ(program_limits.memory_bytes, (std::uint64_t{1} << 30) + 40 * size);
 }
 
 TEST(AnswerFrame, OnlyAWholeOneIsTaken) {

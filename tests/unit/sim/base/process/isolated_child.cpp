@@ -37,30 +37,30 @@ int recurse(int depth) {  // NOLINT(misc-no-recursion)
 
 std::string misbehave(const std::vector<std::string>& arguments) {
   using namespace earshot;
-  const std::string& what = arguments.at(0);
-  if (what == "echo") return arguments.at(1);
-  if (what == "large") return std::string(std::stoul(arguments.at(1)), 'x');
-  if (what == "print") {
+  const std::string& mode = arguments.at(0);
+  if (mode == "echo") return arguments.at(1);
+  if (mode == "large") return std::string(std::stoul(arguments.at(1)), 'x');
+  if (mode == "print") {
     std::puts("noise on stdout");
     std::fputs("noise on stderr\n", stderr);
     std::fflush(stdout);
     return "quiet";
   }
-  if (what == "refuse") throw InputError(arguments.at(1), "is of no use", "take another");
-  if (what == "throw") throw std::runtime_error("a library gave up");
-  if (what == "segv") *nowhere = 1;
-  if (what == "abort") std::abort();
-  if (what == "overflow") return std::to_string(recurse(0));
-  if (what == "exit") ::_exit(3);
-  if (what == "leave") ::_exit(0);
-  if (what == "sleep") ::sleep(1000);
-  if (what == "spin")
+  if (mode == "refuse") throw InputError(arguments.at(1), "is of no use", "take another");
+  if (mode == "throw") throw std::runtime_error("a library gave up");
+  if (mode == "segv") *nowhere = 1;
+  if (mode == "abort") std::abort();
+  if (mode == "overflow") return std::to_string(recurse(0));
+  if (mode == "exit") ::_exit(3);
+  if (mode == "leave") ::_exit(0);
+  if (mode == "sleep") ::sleep(1000);
+  if (mode == "spin")
     for (volatile unsigned turns = 0;;) turns = turns + 1;
-  if (what == "deaf") {  // to the polite signals
+  if (mode == "deaf") {  // to the polite signals
     for (const int signal : {SIGTERM, SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_IGN);
     for (;;) ::sleep(1000);
   }
-  if (what == "allocate") {  // in blocks of the given size, every page touched
+  if (mode == "allocate") {  // in blocks of the given size, every page touched
     const std::size_t block = std::stoul(arguments.at(1));
     std::vector<std::unique_ptr<char[]>> blocks;
     for (std::size_t total = 0; total < (std::size_t{8} << 30); total += block) {
@@ -69,7 +69,7 @@ std::string misbehave(const std::vector<std::string>& arguments) {
     }
     return "had it all";
   }
-  if (what == "write") {
+  if (mode == "write") {
     std::FILE* file = std::fopen(arguments.at(1).c_str(), "w");
     if (file) std::fputs("written", file);
     if (file) std::fclose(file);
@@ -77,20 +77,20 @@ std::string misbehave(const std::vector<std::string>& arguments) {
   }
   const std::string answer(1000, 'y');
   const std::string header = answer_header(AnswerKind::answer, answer);
-  if (what == "half") send(header + answer.substr(0, 500));
-  if (what == "header") send(header.substr(0, 20));
-  if (what == "garbage") send(std::string(5000, '\x5A'));
-  if (what == "flipped") send(header + answer.substr(0, 999) + 'z');
-  if (what == "huge") {
+  if (mode == "half") send(header + answer.substr(0, 500));
+  if (mode == "header") send(header.substr(0, 20));
+  if (mode == "garbage") send(std::string(5000, '\x5A'));
+  if (mode == "flipped") send(header + answer.substr(0, 999) + 'z');
+  if (mode == "huge") {
     std::string lie = header;
     for (std::size_t at = 16; at < 24; ++at) lie[at] = '\x7F';  // its length
     send(lie + answer);
   }
-  if (what == "half_then_sleep") {
+  if (mode == "half_then_sleep") {
     static_cast<void>(::write(kAnswerDescriptor, header.data(), header.size()));
     ::sleep(1000);
   }
-  throw InputError(what, "is no way to misbehave", "");
+  throw InputError(mode, "is no way to misbehave", "");
 }
 
 }  // namespace

@@ -38,9 +38,9 @@ struct Assigned {
   }
 };
 
-Assigned assign(TriangleMesh mesh, const MaterialRules& rules, const std::vector<std::optional<Material>>& own = {}) {
+Assigned assign(TriangleMesh mesh, const MaterialRules& rules, const std::vector<std::optional<Material>>& slot_materials = {}) {
   Assigned result{std::move(mesh), {}, {}};
-  result.materials = assign_materials(result.mesh, rules, MaterialDatabase::builtin(), own, "s.yaml", result.warnings);
+  result.materials = assign_materials(result.mesh, rules, MaterialDatabase::builtin(), slot_materials, "s.yaml", result.warnings);
   EXPECT_EQ(result.materials.size(), result.mesh.material_names.size());
   return result;
 }
@@ -89,8 +89,9 @@ TEST(AssignMaterials, DefaultMaterialTakesWhatNoPatternMatches) {
 }
 
 TEST(AssignMaterials, OwnMaterialsStayUnlessAPatternNamesThem) {
-  const std::vector<std::optional<Material>> own{Material::uniform("mine", 0.3f, 1), Material::uniform("yours", 0.4f, 1)};
-  EXPECT_THAT(assign(mesh_of({{"x0", "n"}, {"x1", "n"}}), {{{"x1", "linoleum"}}, "water"}, own).names(), ElementsAre("mine", "linoleum"));
+  const std::vector<std::optional<Material>> slot_materials{Material::uniform("mine", 0.3f, 1), Material::uniform("yours", 0.4f, 1)};
+  EXPECT_THAT(assign(mesh_of({{"x0", "n"}, {"x1", "n"}}), {{{"x1", "linoleum"}}, "water"}, slot_materials).names(),
+              ElementsAre("mine", "linoleum"));
 }
 
 TEST(AssignMaterials, WarnsAboutPatternsWithoutAMatch) {

@@ -207,11 +207,11 @@ TEST(FlatPatches, RaysMeetTheSameHouse) {
     if (!of_all.valid()) continue;
     ++hits;
     // Where two surfaces meet, rounding decides which is hit.
-    const bool same = std::fabs(of_all.distance_m - of_patches.distance_m) < 1e-4f &&
-                      glm::dot(of_all.normal, of_patches.normal) > 0.9999f &&
-                      mesh.triangle_material[of_all.triangle] == mesh.triangle_material[of_patches.triangle] &&
-                      mesh.triangle_object[of_all.triangle] == mesh.triangle_object[of_patches.triangle];
-    if (!same) {
+    const bool is_equal = std::fabs(of_all.distance_m - of_patches.distance_m) < 1e-4f &&
+                          glm::dot(of_all.normal, of_patches.normal) > 0.9999f &&
+                          mesh.triangle_material[of_all.triangle] == mesh.triangle_material[of_patches.triangle] &&
+                          mesh.triangle_object[of_all.triangle] == mesh.triangle_object[of_patches.triangle];
+    if (!is_equal) {
       ++elsewhere;
       EXPECT_LT(glm::distance(of_all.position, of_patches.position), 1e-3f) << i;
     }
