@@ -11,7 +11,7 @@ Batches of audio-visual navigation environments, as a ``gymnasium.vector.VectorE
 
     envs = earshot.make_vec({"episodes": {"scenes": ["house:1"], "sounds": ["synth:telephone"]}}, num_envs=8)
 
-numpy is all that this package needs; gymnasium and pettingzoo are imported by the functions that return their classes.
+The package requires numpy.  :func:`make_vec` also needs gymnasium, :func:`parallel_env` pettingzoo.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import _processor  # noqa: F401  # before the engine: raises ImportError where the processor lacks its instructions
+from . import _processor  # noqa: F401  # before the engine: raises ImportError if the processor lacks its instructions
 from ._engine import InputError, RunError, __version__
 from .acoustics import AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
 
@@ -57,14 +57,17 @@ def make_vec(
     copy: bool = False,
     first_env: int = 0,
 ) -> EarshotVectorEnv:
-    """A batch of environments as a ``gymnasium.vector.VectorEnv`` (needs gymnasium 1.x).
+    """Create a batch of environments as a ``gymnasium.vector.VectorEnv`` (needs gymnasium 1.x).
 
-    config: a run config of ``earshot train`` (its sections env and data.SPLIT are used), a YAML file with the keys of an env section and
-    ``episodes``, or a dict of the latter.  overrides: "a.b=value" on top.  autoreset_mode: "same_step", "next_step" or "disabled"; default:
-    what the config says.  threads: over the batch; 0: all cores; the bits do not depend on it.
-
-    copy: observations are copied.  By default they are views of the engine's own memory, which the next step overwrites.
-    first_env: number of the first env, where several batches share a run: each draws episodes of its own.
+    :param config: A run config of ``earshot train`` (sections ``env`` and ``data.SPLIT``), a YAML file with the keys of an ``env``
+        section and ``episodes``, or a dict with the same keys.
+    :param num_envs: Number of environments.
+    :param overrides: Texts "a.b=value" that replace keys of the config.
+    :param split: Part of ``data`` in a run config.
+    :param autoreset_mode: "same_step", "next_step" or "disabled"; the default is the mode of the config.
+    :param threads: Threads for the batch; 0 uses all cores.  Results do not depend on it.
+    :param copy: Return copies of the observations.  By default they are views of the engine's memory, which the next step overwrites.
+    :param first_env: Number of the first environment.  Batches that share a run use different numbers and draw different episodes.
     """
     from .vector import EarshotVectorEnv
 
@@ -88,9 +91,10 @@ def parallel_env(
     threads: int | None = None,
     copy: bool = True,
 ) -> EarshotParallelEnv:
-    """Several agents in one scene as a ``pettingzoo.ParallelEnv`` (needs pettingzoo).
+    """Create an environment with several agents as a ``pettingzoo.ParallelEnv`` (needs pettingzoo).
 
-    The number of agents is the key ``agents`` of the config; the other arguments are those of make_vec.  Observations are copies.
+    The key ``agents`` of the config sets the number of agents.  The arguments are those of :func:`make_vec`, but observations are copies
+    by default.
     """
     from .multi_agent import EarshotParallelEnv
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vector environment and the one of several agents share: a batch of the engine, its arrays and its spaces."""
+"""A batch of the engine with its arrays and spaces, shared by the vector environment and the multi-agent environment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def open_batch(
     keys: Mapping[str, Any],
     first_env: int,
 ) -> Batch:
-    """keys: of the env section, over the config; None: as it says."""
+    """Open a batch.  keys: keys of the env section that replace those of the config; None keeps the value of the config."""
     if isinstance(config, Mapping):
         text, where = json.dumps(config), "config"
     else:
@@ -40,7 +40,7 @@ def open_batch(
 
 
 class SensorArrays:
-    """Views of the batch's memory, by name; each keeps the batch alive."""
+    """Views of the batch's memory by sensor name; each view keeps the batch alive."""
 
     def __init__(self, batch: Batch) -> None:
         self.names: list[str] = []
@@ -66,7 +66,7 @@ class SensorArrays:
         self.space = spaces.Dict(boxes)
 
     def row(self, row: int, *, copy: bool, last: bool = False) -> dict[str, NDArray[Any]]:
-        """The observation of one row; last: of the episode that ended last there."""
+        """Return the observation of one row.  last: the final observation of the last episode of the row."""
         arrays = self.final_rows if last else self.rows
         return {name: array[row].copy() if copy else array[row] for name, array in arrays.items()}
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes, sources and responses: room impulse responses, their paths and room-acoustic parameters, as numpy arrays.
 
-Positions are metres in the coordinates of the scene's file, y up; angles degrees, headings counter-clockwise from -z seen from above.
-Pressure is in Green units: a unit source gives 1 / (4 pi r) at distance r.  Equal arguments and seeds give equal bits, for any number of
-threads, and those of ``earshot rir`` where it is built with the same transforms (docs/howto/python.md).
+Positions are in metres in the coordinates of the scene's file, y up.  Angles are in degrees; headings turn counter-clockwise from -z, seen
+from above.  Pressure is in Green units: a unit source gives 1 / (4 pi r) at distance r.  Equal arguments and seeds give equal bits for any
+number of threads, and the bits of ``earshot rir`` if it is built with the same transforms (docs/howto/python.md).
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ ARRIVAL_KINDS = ("direct", "reflection", "diffraction", "transmission")
 
 @dataclass(frozen=True)
 class EffectDecision:
-    """One line of the effect plan: what is simulated in a scene, and the bound that the decision rests on."""
+    """One decision of the effect plan: whether an effect is simulated in a scene, and the reason."""
 
     effect: str
     decision: str
     on: bool
-    change: float  #: off: by how much that changes a response at most; NaN: no such number
+    change: float  #: largest change of a response if the effect is off; NaN if not estimated
     unit: str
-    kind: str  #: what it rests on: exact, bounded, approximated, user_set
+    kind: str  #: basis of the decision: exact, bounded, approximated, user_set
     saved_ms: float
     why: str
 
 
 @dataclass(frozen=True)
 class Metrics:
-    """Room-acoustic parameters after ISO 3382-1, one value per band; NaN: no such value (no decay to fit, no direct sound)."""
+    """Room-acoustic parameters after ISO 3382-1, one value per band; NaN for an undefined value (no decay to fit, no direct sound)."""
 
     bands_hz: Floats
     edt_s: Floats
@@ -53,7 +53,7 @@ class Metrics:
     ts_s: Floats
     g_db: Floats
     drr_band_db: Floats
-    iacc: Floats  #: of binaural RIRs only, as the two that follow
+    iacc: Floats  #: this and the next two: binaural RIRs only
     iacc_early: Floats
     iacc_late: Floats
     drr_db: float
@@ -67,13 +67,13 @@ class Arrivals:
 
     kind: NDArray[np.uint8]  #: [n], index into ARRIVAL_KINDS
     order: NDArray[np.int32]  #: [n], number of reflections, edges or walls
-    identity: NDArray[np.uint64]  #: [n], of the planes or edges: the same path at another pose has the same number
+    identity: NDArray[np.uint64]  #: [n], identifies the planes or edges; a path keeps its number when the listener moves
     delay_s: Floats  #: [n], after emission
     distance_m: NDArray[np.float32]  #: [n]
-    direction: NDArray[np.float32]  #: [n, 3], unit, from the listener toward where the sound comes from
-    departure: NDArray[np.float32]  #: [n, 3], unit, from the source toward where the sound goes
+    direction: NDArray[np.float32]  #: [n, 3], unit vector from the listener to the incoming sound
+    departure: NDArray[np.float32]  #: [n, 3], unit vector from the source along the outgoing sound
     amplitude: NDArray[np.float32]  #: [n, b], pressure in Green units
-    phase_rad: NDArray[np.float32]  #: [n, b], beyond that of the delay
+    phase_rad: NDArray[np.float32]  #: [n, b], in addition to the phase of the delay
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -85,22 +85,22 @@ class Arrivals:
 
 @dataclass(frozen=True)
 class AccuracyChoice:
-    """One way to compute the responses of a source, tried at a few listeners."""
+    """Settings for the responses of a source, tested at a few listeners."""
 
     method: str  #: listener rays, source field or both ends
     settings: dict[str, str]  #: for ``Scene(settings=...)``
-    predicted: dict[str, float]  #: errors at other listeners: t20_pct, drr_db, edc_db; NaN: no such value
+    predicted: dict[str, float]  #: errors at other listeners: t20_pct, drr_db, edc_db; NaN if undefined
     per_source_ms: float
     per_response_ms: float
 
 
 @dataclass(frozen=True)
 class AccuracyPlan:
-    """The cheapest settings that keep an accuracy, and all that were tried."""
+    """The cheapest settings that meet a target accuracy, and all tested settings."""
 
     choice: AccuracyChoice
     tried: list[AccuracyChoice]  #: in the order of trial
-    reference_error: dict[str, float]  #: standard error of the paths that judged
+    reference_error: dict[str, float]  #: standard error of the reference paths
     calibration_s: float
 
 
@@ -110,7 +110,7 @@ def _choice(values: Mapping[str, Any]) -> AccuracyChoice:
 
 
 def _positions(value: ArrayLike, key: str) -> tuple[Floats, bool]:
-    """As [n, 3], and whether it was a single one."""
+    """Return the positions as [n, 3], and whether the value was a single position."""
     array = np.ascontiguousarray(value, dtype=np.float64)
     if array.shape == (3,):
         return array.reshape(1, 3), True
@@ -137,7 +137,7 @@ def _settings(settings: Mapping[str, Any] | Sequence[str]) -> list[str]:
 
 
 class Response:
-    """What one listener receives from one source, before any head or microphone: independent of the listener's orientation."""
+    """Energy response of one source and one listener, before a head or microphone.  It does not depend on the listener's orientation."""
 
     def __init__(self, model: _engine.ResponseModel, channels: str) -> None:
         self._model = model
@@ -149,17 +149,17 @@ class Response:
 
     @cached_property
     def metrics(self) -> Metrics:
-        """From the energy response: exact times, no noise of carriers."""
+        """Parameters from the energy response: exact times, without carrier noise."""
         return Metrics(**self._model.metrics())
 
     @property
     def late(self) -> NDArray[np.float32]:
-        """Energy of the late field, [time bins, bands, harmonics]: a read-only view."""
+        """Energy of the late field, a read-only view [time bins, bands, harmonics]."""
         return self._model.late()
 
     @property
     def bin_s(self) -> float:
-        """Seconds of a time bin of `late`, counted from emission."""
+        """Length of a time bin of ``late`` in seconds; the first bin starts at emission."""
         return self._model.bin_s
 
     @property
@@ -179,12 +179,15 @@ class Response:
         channels: str | None = None,
         hrtf: str = "",
     ) -> NDArray[np.float32]:
-        """The impulse response [channels, samples] for a listener of this orientation; channels: default those of the request."""
+        """Render the impulse response [channels, samples] for this orientation of the listener.
+
+        :param channels: Channel layout; the default is that of :meth:`Source.response`.
+        """
         return self._model.render(heading_deg, pitch_deg, roll_deg, channels or self._channels, str(hrtf))
 
 
 class Source:
-    """A source that stands still.  Its paths are found once; after 300 listeners in a call its late field is, where that is cheaper."""
+    """A source at a fixed position.  Its paths are computed once.  Calls with 300 or more listeners build a source field if cheaper."""
 
     def __init__(self, model: _engine.SourceModel, scene: Scene) -> None:
         self._model = model
@@ -201,10 +204,11 @@ class Source:
         hrtf: str = "",
         threads: int = 0,
     ) -> NDArray[np.float32]:
-        """Impulse responses: [channels, samples] of one listener [3], [n, channels, samples] of several [n, 3].
+        """Render impulse responses: [channels, samples] for one listener [3], [n, channels, samples] for several [n, 3].
 
-        channels: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego], or array:FILE.  hrtf: SOFA file; empty: a rigid
-        sphere.  threads: over the listeners; 0: all cores.
+        :param channels: ``mono[:PATTERN]``, ``binaural``, ``ambisonic:ORDER[:n3d|:sn3d][:world|:ego]`` or ``array:FILE``.
+        :param hrtf: SOFA file of the head; empty for a rigid sphere.
+        :param threads: Threads over the listeners; 0 uses all cores.
         """
         positions, single = _positions(listener, "listener")
         angles = _angles(len(positions), heading_deg, pitch_deg, roll_deg)
@@ -213,7 +217,7 @@ class Source:
         return rirs[0] if single else rirs
 
     def response(self, listener: ArrayLike, *, channels: str = "binaural") -> Response:
-        """The response at one place.  channels: what may be rendered from it."""
+        """Compute the response at one position.  channels: layout that it can be rendered to."""
         positions, single = _positions(listener, "listener")
         if not single:
             raise InputError(f"listener: has shape {positions.shape}; give one position [3], or call responses")
@@ -228,11 +232,14 @@ class Source:
         return [Response(model, channels) for model in models]
 
     def plan_accuracy(self, target: str, listeners: ArrayLike, *, responses: int | None = None) -> AccuracyPlan:
-        """The cheapest settings within `target` for responses at places like `listeners`, [3] or [n, 3], as ``earshot rir --accuracy``.
+        """Find the cheapest settings that meet ``target`` at positions like ``listeners``, as ``earshot rir --accuracy`` does.
 
-        target: as "t20=5%,drr=1dB,edc=1dB".  responses: that the source is for; default: one per listener.  Rays, source_rays,
-        early_order, field and the other keys of the plan replace those of the scene; the rest of its settings stays.  Takes seconds.
-        Raises InputError where no candidate keeps the target.
+        Keys of the plan, such as rays and field, replace those of the scene; its other settings stay.  Takes seconds.  Raises InputError
+        if no settings meet the target.
+
+        :param target: Errors such as "t20=5%,drr=1dB,edc=1dB".
+        :param listeners: Positions [3] or [n, 3].
+        :param responses: Number of responses of the source; the default is one per listener.
         """
         positions, _ = _positions(listeners, "listeners")
         plan = self._model.plan_accuracy(target, positions, len(positions) if responses is None else responses)
@@ -243,11 +250,13 @@ class Source:
 class Scene:
     """A scene with acoustic settings.
 
-    spec: a mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.  preset: fast, balanced or high;
-    settings: a dict (or "key=value" texts) over it, as ``earshot rir --set``.  unit_m: metres per unit of a mesh file; up: its axis that
-    points up, y or z; None: what a scene YAML says, else 1 and y.
+    A source or a listener outside of a closed scene raises InputError.
 
-    A source or a listener outside a closed scene, which nothing could be heard of, raises InputError.
+    :param spec: A mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.
+    :param preset: "fast", "balanced" or "high".
+    :param settings: A dict or texts "key=value" that replace keys of the preset, as ``earshot rir --set``.
+    :param unit_m: Metres per unit of a mesh file; the default is that of the scene YAML, else 1.
+    :param up: Upward axis of a mesh file, "y" or "z"; the default is that of the scene YAML, else "y".
     """
 
     def __init__(
@@ -267,7 +276,7 @@ class Scene:
         self._tell()
 
     def _tell(self) -> None:
-        """Issues the warnings that are new as a UserWarning each."""
+        """Issue each new warning as a UserWarning."""
         lines = self._model.warnings
         new, self._num_told = lines[self._num_told :], len(lines)
         for line in new:
@@ -286,7 +295,7 @@ class Scene:
 
     @property
     def bounds(self) -> Floats:
-        """Least and largest coordinates, [2, 3] metres."""
+        """Minimum and maximum coordinates, [2, 3] in metres."""
         return np.asarray(self._model.bounds)
 
     @property
@@ -295,7 +304,7 @@ class Scene:
 
     @property
     def bands_hz(self) -> Floats:
-        """Centres of the bands, low to high."""
+        """Centre frequencies of the bands in ascending order."""
         return np.asarray(self._model.bands_hz(), dtype=np.float64)
 
     @property
@@ -304,16 +313,16 @@ class Scene:
 
     @property
     def warnings(self) -> list[str]:
-        """What may not be meant about the scene and, since then, about places, one line each; a ``UserWarning`` is issued for each."""
+        """Warnings about the scene and about positions, one line each.  Each is also issued as a ``UserWarning``."""
         return self._model.warnings
 
     @property
     def plan(self) -> list[EffectDecision]:
-        """Which effects are simulated in this scene, and why."""
+        """Effects that are simulated in this scene, with the reasons."""
         return [EffectDecision(*line) for line in self._model.plan()]
 
     def random_positions(self, count: int, *, height_m: float = 1.5, seed: int = 0) -> Floats:
-        """Free places on the walkable floor, `height_m` above it: [count, 3].  The first n do not depend on the count."""
+        """Return free positions [count, 3] at ``height_m`` above the walkable floor.  The first n do not depend on ``count``."""
         return self._model.random_positions(count, height_m, seed)
 
     def source(
@@ -325,10 +334,12 @@ class Scene:
         pitch_deg: float = 0,
         radius_m: float = 0,
     ) -> Source:
-        """A source that stands still.
+        """Place a source in the scene.
 
-        pattern: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML); its front is
-        at heading and pitch.  radius_m: of the sphere that it fills; 0: a point.
+        :param position: Position [3].
+        :param pattern: "omni", "subcardioid", "cardioid", "supercardioid", "hypercardioid", "dipole", "voice", or a balloon file (JSON or
+            YAML).  Its front points to ``heading_deg`` and ``pitch_deg``.
+        :param radius_m: Radius of a spherical source; 0 for a point.
         """
         positions, single = _positions(position, "position")
         if not single:
@@ -338,7 +349,11 @@ class Scene:
 
 
 def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0) -> Metrics:
-    """Room-acoustic parameters of any impulse response [samples] or [channels, samples]: those of the first channel, and with two channels
-    the correlation between them.  direct_delay_s: when the direct sound arrives."""
+    """Compute room-acoustic parameters of an impulse response [samples] or [channels, samples].
+
+    The parameters are those of the first channel; two channels also give the interaural cross-correlation.
+
+    :param direct_delay_s: Arrival time of the direct sound.
+    """
     array = np.ascontiguousarray(rir, dtype=np.float32)
     return Metrics(**_engine.measure_rir(np.atleast_2d(array), sample_rate_hz, direct_delay_s))

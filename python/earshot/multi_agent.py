@@ -19,10 +19,11 @@ Observation = dict[str, NDArray[Any]]
 
 
 class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
-    """Agents that look for the same goals, hear and see each other, and are scored each for itself; make it with earshot.parallel_env.
+    """An environment with several agents; create it with :func:`earshot.parallel_env`.
 
-    An agent that stops leaves `agents` and stays in the scene, in the way of the others; the episode ends with the last one.  The infos of
-    the last step hold the metrics of every agent that is given one, those of earlier ones under "ended".
+    The agents search for the same goals, hear and see each other, and get separate scores.  An agent that stops leaves ``agents`` but
+    stays in the scene as an obstacle.  The episode ends with the last agent.  The infos of the last step hold the metrics of the agents
+    in it; the key "ended" holds those of agents that ended earlier.
     """
 
     metadata: dict[str, Any] = {"name": "earshot_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
@@ -55,7 +56,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
     @property
     def batch(self) -> Batch:
         if self._batch is None:
-            raise RuntimeError("this environment is closed")
+            raise RuntimeError("this environment is closed; create a new one")
         return self._batch
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -67,7 +68,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begins an episode: the first one of the seed's sequence, or without a seed the next one.  options: not used."""
+        """Begin the first episode of the seed's sequence, or without a seed the next episode.  options: not used."""
         del options
         batch = self.batch
         if not self._started:
@@ -82,12 +83,12 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
     def step(
         self, actions: dict[str, int]
     ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One step of all agents at once; actions of those that have ended are not used."""
+        """Step all agents.  Actions of agents that have ended are ignored."""
         if not self.agents:
             return {}, {}, {}, {}, {}
         missing = [agent for agent in self.agents if agent not in actions]
         if missing:
-            raise InputError(f"actions: none for {', '.join(missing)}; give one per agent in `agents`")
+            raise InputError(f"actions: missing for {', '.join(missing)}; give one action per agent in `agents`")
         row_actions = np.zeros(len(self.possible_agents), dtype=np.int32)
         for agent, action in actions.items():
             row_actions[self._rows[agent]] = action

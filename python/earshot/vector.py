@@ -28,14 +28,15 @@ _MODES = {
 
 
 class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
-    """Envs stepped together by the C++ batch; make it with earshot.make_vec.
+    """A vector environment over the C++ batch; create it with :func:`earshot.make_vec`.
 
-    Observations are a dict of arrays [num_envs, ...], views of the engine's memory unless `copy`: the next step overwrites them, those of
-    final_obs the next end in the same env.  Rewards and flags are arrays of their own.  Actions: 0 stop, 1 forward, 2 left, 3 right.
+    Observations are a dict of arrays [num_envs, ...].  Unless ``copy`` is set, they are views of the engine's memory: the next step
+    overwrites them, and the next end of an episode in the same env overwrites its ``final_obs``.  Rewards and flags are always copies.
+    Actions are 0 stop, 1 forward, 2 left, 3 right.
 
-    infos of a step in which episodes ended hold their metrics: success, spl, soft_spl, sna, distance_to_goal_m, success_when_silent,
-    episode_return, steps, collisions, stopped, episode_index, each with its mask under "_" + key; with autoreset in the same step below
-    final_info, beside final_obs.  "quarantined" marks envs whose episode was taken out of the run: not experience.
+    When episodes end, the infos hold their metrics: success, spl, soft_spl, sna, distance_to_goal_m, success_when_silent, episode_return,
+    steps, collisions, stopped and episode_index.  Each has its mask under "_" + key.  With autoreset in the same step they are in
+    ``final_info``, next to ``final_obs``.  "quarantined" marks envs whose episode was faulty; do not train on it.
     """
 
     def __init__(
@@ -75,9 +76,9 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     @property
     def batch(self) -> Batch:
-        """The engine's batch: arrays without a copy, snapshots, send and recv."""
+        """The batch of the engine: arrays without copies, snapshots, send and recv."""
         if self._batch is None:
-            raise RuntimeError("this environment is closed")
+            raise RuntimeError("this environment is closed; create a new one with earshot.make_vec")
         return self._batch
 
     @property
@@ -86,7 +87,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     @property
     def privileged_sensors(self) -> list[str]:
-        """Keys of observations that are derived from the goal or the map: no agent could sense them."""
+        """Keys of observations that come from the goal or the map, which a real agent cannot sense."""
         return list(self._sensors.privileged)
 
     def reset(
@@ -95,10 +96,10 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observation, Info]:
-        """Begins episodes in all envs, or in those of options["reset_mask"] (bool [num_envs]).
+        """Begin episodes in all envs, or in those of ``options["reset_mask"]`` (bool [num_envs]).
 
-        seed: env i begins the first episode of the sequence of seed + i, or of its own entry of a list; the same seed gives the same
-        episodes in any env of any batch.  Without a seed the first reset begins the sequences of the config, later ones go on in them.
+        :param seed: A number: env i begins the sequence of seed + i.  A list: env i begins the sequence of its entry.  Equal seeds give
+            equal episodes in any env of any batch.  None: the first reset begins the sequences of the config, later ones continue them.
         """
         batch = self.batch
         mask = self._reset_mask(options)
@@ -128,7 +129,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         return self._observations(), self._rewards.copy(), terminated, truncated, self._infos(terminated | truncated)
 
     def close_extras(self, **_kwargs: Any) -> None:
-        """Lets go of the batch; its memory goes with the last array that shows it."""
+        """Release the batch; its memory is freed with the last array that views it."""
         self._batch = None
 
     def __del__(self) -> None:
@@ -166,13 +167,13 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     def _reset_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:
         if options is None or "reset_mask" not in options:
             return np.ones(self.num_envs, dtype=np.bool_)
-        mask = options["reset_mask"]  # stays there: wrappers read it too
+        mask = options["reset_mask"]  # not removed from options: wrappers read it too
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
             raise TypeError("options['reset_mask'] must be a numpy array of bool")
         if mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},) and at least one True")
         if not self._started:
-            raise ValueError("options['reset_mask'] needs a reset of all envs before it")
+            raise ValueError("options['reset_mask'] needs a reset of all envs first; call reset() without it")
         return mask
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -180,11 +181,11 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             return [None] * self.num_envs
         if isinstance(seed, (int, np.integer)):
             if seed < 0:
-                raise ValueError(f"seed = {seed}: must not be negative")
+                raise ValueError(f"seed is {seed}; use a number from 0 up")
             return [int(seed) + env for env in range(self.num_envs)]
         seeds = [None if value is None else int(value) for value in seed]
         if len(seeds) != self.num_envs:
-            raise ValueError(f"seed has {len(seeds)} entries for {self.num_envs} envs")
+            raise ValueError(f"seed has {len(seeds)} entries for {self.num_envs} envs; give one per env")
         return seeds
 
 
@@ -194,4 +195,4 @@ def _engine_mode(mode: str | AutoresetMode | None) -> str | None:
     for name, engine in _ENGINE_MODES.items():
         if mode == name or mode == _MODES[engine]:
             return engine
-    raise InputError(f"autoreset_mode = {mode}: must be one of {', '.join(_ENGINE_MODES)}")
+    raise InputError(f"autoreset_mode is {mode}; use one of {', '.join(_ENGINE_MODES)}")
