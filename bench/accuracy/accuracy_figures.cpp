@@ -84,13 +84,13 @@ std::string pareto_figure(const AccuracyStudy& study) {
   for (const PlotSeries& series : rt60.series)
     for (const PlotPoint& point : series.points)
       if (point.y > 0) lowest = std::min(lowest, point.y);
-  rt60.series.push_back({.name = "SoundSpaces 2.0 (its paper, Xeon Gold 6230)",
+  rt60.series.push_back({.name = "SoundSpaces 2.0 (from its paper, Xeon Gold 6230)",
                          .colour = kOriginalColour,
                          .marker = PlotMarker::star,
                          .line = false,
                          .points = {{1e3 / 7.7, 9.5, 0.2, "high speed"}, {1e3 / 0.9, lowest, 0, "high quality: 0 by definition"}}});
   const PlotPanel decay = front_panel(study, "Decay curve", ErrorKind::decay_db, "rms over 0 to -30 dB, dB", {1, "just heard: 1 dB"});
-  return plot_svg("What accuracy costs in time",
+  return plot_svg("Error against computing time",
                   fmt::format("Mean over {} scenes, ± one standard error; {}, 16 kHz, two ears, source's pass included",
                               num_closed_scenes(study), machine()),
                   {rt60, decay}, 2);
@@ -109,7 +109,7 @@ std::string scenes_figure(const AccuracyStudy& study) {
     if (decays) add_truth_level(panel, scene_study);
     panels.push_back(std::move(panel));
   }
-  return plot_svg("What accuracy costs in time, scene by scene", fmt::format("± one standard error over poses; {}, one thread", machine()),
+  return plot_svg("Error against computing time, by scene", fmt::format("± one standard error over poses; {}, one thread", machine()),
                   panels, 2);
 }
 
@@ -162,7 +162,7 @@ std::string sweeps_figure(const AccuracyStudy& study) {
     panels.push_back(std::move(panel));
   }
   if (panels.empty()) panels.push_back({.title = "no sweeps in a quick run", .x_label = "", .y_label = ""});
-  return plot_svg("What each parameter costs in accuracy",
+  return plot_svg("Error against each parameter",
                   fmt::format("About the preset fast, mean over {} scenes, ± one standard error", num_closed_scenes(study)), panels, 2);
 }
 

@@ -62,9 +62,10 @@ std::string preset_scenes_table(const AccuracyStudy& study) {
 
 std::string bias_table(const AccuracyStudy& study) {
   std::string text =
-      "\n## Bias and scatter\n\nTwo draws of each mode (two seeds, or two fields). *rms*: of one draw; its square is that of the *bias*, "
-      "what both draws have in common at a pose and band, and that of the *scatter*, by which they differ. *mean error*: with its sign. "
-      "*mean size*: of absolute values, the truth's noise included. Root mean square over scenes.\n\n| mode | error | rms | bias | scatter "
+      "\n## Bias and scatter\n\nTwo draws of each mode (two seeds, or two fields). *rms*: error of one draw. Its square is the sum of the "
+      "squares of the *bias*, which both draws share at a pose and band, and of the *scatter*, by which they differ. *mean error*: signed. "
+      "*mean size*: mean of absolute values, which includes the noise of the reference. Root mean square over scenes.\n\n| mode | error "
+      "| rms | bias | scatter "
       "| mean error | mean size |\n|---|---|---|---|---|---|---|\n";
   for (const std::string& preset : presets_of(study))
     for (const ErrorKind kind : kSceneKinds) {
@@ -132,8 +133,8 @@ NoticeableErrors noticeable_errors(const AccuracyStudy& study, const std::string
 
 std::string noticeable_table(const AccuracyStudy& study) {
   std::string text =
-      "\n## What is heard of it\n\nAbsolute errors in just-noticeable differences, over all bands, poses and closed scenes; the noise of "
-      "the truth is in them.\n\n| mode | error | one difference | whose number | median | 95th percentile | within one, % | values "
+      "\n## What is heard of it\n\nAbsolute errors in just-noticeable differences, over all bands, poses and closed scenes, with the "
+      "noise of the reference.\n\n| mode | error | one difference | whose number | median | 95th percentile | within one, % | values "
       "|\n|---|---|---|---|---|---|---|---|\n";
   const auto row = [&](const std::string& mode, ErrorKind kind, const NoticeableErrors& errors) {
     if (errors.count == 0) return;

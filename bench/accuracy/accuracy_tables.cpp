@@ -76,7 +76,7 @@ std::string quality_table(const AccuracyStudy& study) {
       "over the closed scenes above of the time "
       "per RIR, {} RIRs sharing one source whose cost is included (warm: not included). Errors: mean of absolute values over bands, poses "
       "and "
-      "the closed scenes, ± one standard error; root mean squares without the truth's noise stand below.\n\n",
+      "the closed scenes, ± one standard error; root mean squares without the noise of the reference are in the tables below.\n\n",
       machine, kEpisodeSteps);
   text +=
       "| quality mode | RIR/s, 1 thread | RIR/s, 1 thread, warm | RIR/s, 2 threads, warm | env steps/s, 1 thread | env steps/s, 2 threads "
@@ -100,18 +100,16 @@ std::string quality_table(const AccuracyStudy& study) {
       "| SoundSpaces 2.0, high speed (quoted) | 7.7 ± 0.2 | | | | | 9.5 ± 0.2 | | | | |\n"
       "| SoundSpaces 2.0, high quality (quoted) | 0.9 | | | | | 0.0 by definition | | | | |\n"
       "\nQuoted rows: Chen et al. 2022, Table 1: Xeon Gold 6230 at 2.10 GHz, 20 Matterport3D scenes; its error is against its own high "
-      "quality "
-      "mode, by a decay-time estimator that it does not name. On 5 threads it gives 33.5 ± 0.4 and 4.0 RIRs per second. Its processor is "
-      "older: "
-      "a part of any ratio of speeds is the machine's, and the scenes differ.\n";
+      "quality mode, by a decay-time estimator that the paper does not name. On 5 threads it gives 33.5 ± 0.4 and 4.0 RIRs per second. Its "
+      "processor is older, so the machine explains a part of any ratio of speeds, and the scenes differ.\n";
   return text;
 }
 
 std::string sweeps_table(const AccuracyStudy& study) {
   std::string text =
-      "\n## Sweeps\n\nMean over scenes; ms per RIR with 500 RIRs per source, pass included. *missing*: bands and poses whose decay time "
-      "the mode "
-      "could not give, in either draw, though the truth has one, because its RIR is too short.\n\n| sweep | value | late part | ms per RIR "
+      "\n## Sweeps\n\nMean over scenes; ms per RIR with 500 RIRs per source, pass included. *missing*: bands and poses for which "
+      "the mode has no decay time in either draw although the reference has one, because the RIR of the mode is too short.\n\n| sweep | "
+      "value | late part | ms per RIR "
       "| warm ms | T20, "
       "% | T30, % | "
       "EDC, dB | T20 of RIR, % | DRR, dB | ILD, dB | IACC | spectrogram, dB |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";

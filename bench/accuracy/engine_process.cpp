@@ -27,7 +27,7 @@ using nlohmann::json;
 
 [[noreturn]] void refuse(const EngineCommand& engine, const std::string& problem) {
   throw InputError("engine " + engine.name, problem,
-                   "see docs/evidence/accuracy.md for what a command must read and write, or leave the engine out");
+                   "see docs/evidence/accuracy.md for the files that a command reads and writes, or leave the engine out");
 }
 
 /// The last message, on one line.
@@ -104,7 +104,7 @@ void read_result(const EngineCommand& engine, const std::filesystem::path& file,
     refuse(engine, fmt::format("wrote a result.json without `seconds`, one number for each of {} listeners", listeners));
   for (const json& seconds : result["seconds"]) {
     if (!seconds.is_number() || !(seconds.get<double>() > 0))
-      refuse(engine, "wrote a result.json with seconds that are no positive number");
+      refuse(engine, "wrote a result.json with seconds that are not positive numbers");
     answer.seconds_per_response += seconds.get<double>() / static_cast<double>(listeners);
   }
   if (result.contains("setting") && result["setting"].is_string()) answer.setting = result["setting"].get<std::string>();
@@ -118,7 +118,7 @@ EngineCommand EngineCommand::parse(const std::string& text) {
     throw InputError("--engine " + text, "is not NAME=COMMAND", "write a name for the tables, =, and the command that runs the engine");
   const std::string name = text.substr(0, equals);
   if (std::ranges::any_of(name, [](char c) { return c == '|' || static_cast<unsigned char>(c) < ' '; }))
-    throw InputError("--engine " + text, "has a name that a table cannot hold", "leave out | and control characters");
+    throw InputError("--engine " + text, "has a name with | or control characters", "choose another name");
   return {name, text.substr(equals + 1)};
 }
 

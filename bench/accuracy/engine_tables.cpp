@@ -34,13 +34,11 @@ std::string engines_markdown(const EngineComparison& comparison) {
   std::string rooms;
   for (const ShoeboxRoom& room : comparison.rooms) rooms += (rooms.empty() ? "" : ", ") + room_text(room);
   std::string text = fmt::format(
-      "\n## Equal time in boxes of mirrors\n\nRooms of {} whose walls absorb by octave and scatter nothing; {} listeners each, one source. "
-      "Error: root mean square over rooms and listeners against the sum of the energies of all images, and in the last three columns "
-      "against "
-      "the exact pressure of the same images, which interfere: engines that add pressures are right there, engines of energies with "
-      "carriers "
-      "cannot be; measured on one rendered channel of 16 kHz. ms: "
-      "wall time per response on one thread, warm, everything of the source included, the listeners of a room together.\n\n| engine | "
+      "\n## Equal time in boxes of mirrors\n\nRooms of {}; their walls absorb by octave and do not scatter. {} listeners each, one "
+      "source. Error: root mean square over rooms and listeners against the sum of the energies of all images. The last three columns "
+      "compare with the exact pressure of the same images, which interfere. Engines that add pressures can meet that reference, engines "
+      "that render energies on carriers cannot. All values come from one rendered channel of 16 kHz. ms: wall time per response on one "
+      "thread, warm, with all work for the source, for the listeners of a room together.\n\n| engine | "
       "setting "
       "| allowed, ms | ms | T20, % |",
       rooms, comparison.rooms.front().listeners_m.size());

@@ -53,7 +53,7 @@ void for_images(const ShoeboxRoom& room, std::size_t listener, const Use& use) {
   require(BandLayout::octaves(static_cast<float>(room.sample_rate_hz)).centre_hz.size() == bands, "bands", bands,
           "must be the octaves of the sample rate");
   for (const auto& wall : room.absorption)
-    require(wall.size() == bands, "absorption values of a wall", wall.size(), "must be as many as bands");
+    require(wall.size() == bands, "absorption values of a wall", wall.size(), "must be one per band");
   std::array<std::vector<AxisImage>, 3> axes;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<glm::dvec3::length_type>(axis);
@@ -80,7 +80,7 @@ void for_images(const ShoeboxRoom& room, std::size_t listener, const Use& use) {
 RoomMetrics measure_images(const ShoeboxRoom& room, std::size_t listener) {
   const double direct_m = direct_distance(room, listener), speed = room.speed_of_sound_m_per_s;
   const std::size_t bands = room.bands_hz.size();
-  require(room.length_s > direct_m / speed, "length_s", room.length_s, "must be longer than the way of the direct sound");
+  require(room.length_s > direct_m / speed, "length_s", room.length_s, "must be longer than the delay of the direct sound");
   const auto bins = static_cast<std::size_t>(std::ceil((room.length_s - direct_m / speed) / kBinS));
   std::vector<std::vector<double>> series(bands, std::vector<double>(bins, 0.0));
   std::vector<double> direct(bands, 0.0);

@@ -93,12 +93,12 @@ std::optional<std::string> source_file(const std::string& path) {
 std::optional<SceneName> scene_file(const std::string& name, const std::string& file) {
   const std::optional<std::string> path = source_file("configs/scenes/" + file);
   if (!path) {
-    fmt::print(stderr, "bench: {} is left out: there is no configs/scenes/{}\n", name, file);
+    fmt::print(stderr, "bench: {} is left out: configs/scenes/{} is missing\n", name, file);
     return std::nullopt;
   }
   const SceneConfig config = read_scene_config(*path);
   if (std::filesystem::exists(config.mesh)) return SceneName{name, *path};
-  fmt::print(stderr, "bench: {} is left out: its mesh {} is absent\n", name, config.mesh);
+  fmt::print(stderr, "bench: {} is left out: its mesh {} is missing\n", name, config.mesh);
   return std::nullopt;
 }
 

@@ -290,7 +290,7 @@ void add_adam(const Network& network, const std::vector<std::vector<std::int64_t
       try {
         for (auto _ : state) run(adam, ++step);
       } catch (const c10::Error&) {
-        state.SkipWithError("this libtorch has no such kernel for a CPU");
+        state.SkipWithError("this libtorch lacks a CPU kernel for it");
       }
     });
   };

@@ -121,7 +121,7 @@ std::string soak_markdown(const SoakResult& result) {
       "free, "
       "scene cache {:.0f} MiB. Slopes are of the samples after the first {} steps: {}.\n\n",
       last.resident, last.heap_in_use, in_use, in_use_error, last.heap_free, last.cache, result.warm_up_steps,
-      result.all_scenes_before ? "from then on every scene has been loaded before" : "not every scene had been loaded by then");
+      result.all_scenes_before ? "by then every scene had been loaded" : "not every scene had been loaded by then");
   text += fmt::format("## Milliseconds of a step of {} agents\n\nWall time of the call; stages summed over agents and {} threads.\n\n{}",
                       options.num_envs, result.threads, time_table(result));
   text += fmt::format("\n## Kinds of scenes\n\n{}", kind_table(result));
@@ -134,7 +134,7 @@ std::string soak_markdown(const SoakResult& result) {
       quarantined.push_back(fmt::format("{}: {}", name_of(fault), result.quarantined.of(fault)));
   text += list_of("Quarantined episodes, by reason", quarantined);
   text += list_of("Replays that differ", result.differing);
-  text += list_of("Scenes without room for an episode", result.refused_scenes);
+  text += list_of("Scenes too small for an episode", result.refused_scenes);
   return text;
 }
 

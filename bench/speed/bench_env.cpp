@@ -240,7 +240,8 @@ BenchReport autotune(const EnvBenchOptions& options) {
 
 BenchReport bench_env(const EnvBenchOptions& options) {
   require(options.envs >= 1 && options.envs <= 100'000, "--envs", options.envs, "must be in [1, 100000]");
-  require(!options.agent_sounds || options.agents > 1, "--agent-sounds", true, "has no effect with one agent, which does not hear its own");
+  require(!options.agent_sounds || options.agents > 1, "--agent-sounds", true,
+          "has no effect with one agent, which does not hear itself; set --agents 2 or more");
   require(options.threads >= 0 && options.threads <= 1024, "--threads", options.threads, "must be in [0, 1024]");
   if (options.autotune) return autotune(options);
   BenchReport report("env");

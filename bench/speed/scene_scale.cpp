@@ -91,7 +91,7 @@ void validate(const SceneScaleOptions& o) {
   require(o.threads >= 0 && o.threads <= 1024, "--threads", o.threads, "must be in [0, 1024]; 0 means all cores");
   require(o.cache_gb > 0 && o.cache_gb <= 1e6, "--cache-gb", o.cache_gb, "must be in (0, 1e6]");
   require(o.minutes > 0 && o.minutes <= 1440, "--minutes", o.minutes, "must be in (0, 1440]");
-  require(!o.store.empty(), "--store", o.store.string(), "must name a folder: the scenes are written there");
+  require(!o.store.empty(), "--store", o.store.string(), "must name a folder for the preprocessed scenes");
 }
 
 SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
@@ -100,7 +100,8 @@ SceneScaleResult run_scene_scale(const SceneScaleOptions& options) {
   result.options = options;
   const EnvConfig config = config_of(options);
   EpisodeSet set = prepare(options, config, result);
-  if (set.episodes.empty()) throw InputError("bench scenes", "no scene has an episode", "take another --seed or more --scenes");
+  if (set.episodes.empty())
+    throw InputError("bench scenes", "no scene is large enough for an episode", "take another --seed or more --scenes");
   const auto scenes = make_scene_cache(config);
   result.resident_before_mb = resident_mb();
   BatchedEnv env(config, std::make_shared<const EpisodeSet>(std::move(set)), scenes, options.num_envs);

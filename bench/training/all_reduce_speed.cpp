@@ -74,7 +74,8 @@ void check_sum(Way& way, std::span<float> buffer) {
   way.workers->all_reduce_sum(buffer);
   const float factor = static_cast<float>(world_size * (world_size + 1) / 2);
   for (std::size_t i = 0; i < buffer.size(); ++i)
-    if (buffer[i] != static_cast<float>(i % 1000) * factor) throw RunError(way.name, fmt::format("element {} of a sum is wrong", i));
+    if (buffer[i] != static_cast<float>(i % 1000) * factor)
+      throw RunError(way.name, fmt::format("element {} of a sum differs from the expected value", i));
   std::ranges::fill(buffer, 0.f);  // repeated sums stay zero
 }
 

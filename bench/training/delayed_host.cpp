@@ -40,7 +40,7 @@ sockaddr_un socket_of(const std::filesystem::path& folder, int host) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   const std::string path = (folder / fmt::format("packets{}", host)).string();
-  if (path.size() >= sizeof(address.sun_path)) throw RunError(path, "is too long for a socket");
+  if (path.size() >= sizeof(address.sun_path)) throw RunError(path, "is too long for a socket; use a shorter path");
   std::memcpy(static_cast<char*>(address.sun_path), path.c_str(), path.size() + 1);
   return address;
 }
@@ -58,7 +58,7 @@ Descriptor open_packet_socket(const std::filesystem::path& folder, int host) {
   const timeval limit{0, std::chrono::microseconds(kLook).count()};
   if (packets.number() < 0 || ::bind(packets.number(), generic(address), sizeof(address)) != 0 ||
       ::setsockopt(packets.number(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit)) != 0)
-    fail("no socket for packets");
+    fail("a socket for packets cannot be opened");
   return packets;
 }
 
@@ -68,7 +68,7 @@ Descriptor open_tun(int host) {
   Descriptor tun(::open("/dev/net/tun", O_RDWR | O_CLOEXEC | O_NONBLOCK));
   if (tun.number() < 0) fail("no tun device");
   const Descriptor control(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  if (control.number() < 0) fail("no socket to set up a tun device");
+  if (control.number() < 0) fail("a socket for the tun device cannot be opened");
   const auto request = [](const char* name) {
     ifreq interface {};
     std::strncpy(static_cast<char*>(interface.ifr_name), name, IFNAMSIZ - 1);

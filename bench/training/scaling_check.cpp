@@ -40,7 +40,7 @@ std::vector<double> of_all_workers(const std::vector<double>& rank_values, Colle
   std::memcpy(bytes.data(), rank_values.data(), bytes.size());
   std::vector<double> all;
   for (const std::string& part : workers.all_gather(bytes)) {
-    if (part.size() != bytes.size()) throw RunError("scaling check", "a worker makes another number of updates");
+    if (part.size() != bytes.size()) throw RunError("scaling check", "a worker made a different number of updates");
     all.resize(all.size() + rank_values.size());
     std::memcpy(all.data() + all.size() - rank_values.size(), part.data(), part.size());
   }

@@ -41,7 +41,7 @@ double expected_normal_order(int k, int n) {
 
 LinkSpeed link_from_sums(double small_s, const TimedSum& ring, const TimedSum& larger_ring) {
   const double bytes_per_s = static_cast<double>(larger_ring.bytes - ring.bytes) / (larger_ring.seconds - ring.seconds);
-  if (!(bytes_per_s > 0) || !std::isfinite(bytes_per_s)) throw RunError("link", "larger sums took no longer: measure for a longer time");
+  if (!(bytes_per_s > 0) || !std::isfinite(bytes_per_s)) throw RunError("link", "larger sums were not slower; measure for a longer time");
   // Two workers: two steps of half the bytes each.
   return {.exchange_s = small_s,
           .step_s = std::max(0.0, ring.seconds - static_cast<double>(ring.bytes) / bytes_per_s) / 2,
