@@ -17,6 +17,8 @@ from output import remove_others, write_if_new
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Pages of the root, and their names in the site.
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing/rules.md", "CHANGELOG.md": "contributing/changelog.md", "SECURITY.md": "contributing/security.md"}
+# Pages of docs/ that the site replaces by generated ones (config_keys.py).
+GENERATED = {"docs/reference/config.md"}
 PICTURES = {".svg", ".png", ".jpg"}
 LANGUAGES = {".cpp": "cpp", ".h": "cpp", ".py": "python", ".sh": "sh", ".yaml": "yaml", ".json": "json", ".cmake": "cmake", ".sbatch": "sh"}
 MAX_SHOWN_BYTES = 200_000
@@ -115,6 +117,8 @@ class Assembler:
         navigation = self.navigation()
         for path in self.tracked:
             page = page_of(path)
+            if path in GENERATED:
+                continue
             if page is not None:
                 self.add_page(path, page, "\n" + navigation if page == "index.md" else "")
             elif path.startswith("docs/") and pathlib.PurePath(path).suffix in PICTURES:
