@@ -121,7 +121,7 @@ struct FirstFault {
 
 /// Toolchains round differently: a number of another toolchain proves neither a forgery nor the actions.
 [[noreturn]] void refuse_row(const EvaluationResult& result, const std::string& where, const FirstFault& fault) {
-  const std::string problem = place(fault.index, result.episodes[fault.index]) + " " + fault.what;
+  const std::string problem = place(fault.index, result.episodes[fault.index]) + " " + fault.problem;
   const std::string made = walking_toolchain(result.toolchain), here = walking_toolchain(simulation_toolchain());
   if (!fault.is_walked || made == here || result.engine_hash == engine_hash()) throw InputError(where, problem, kRemedy);
   throw InputError(
@@ -154,12 +154,12 @@ std::optional<FirstFault> first_fault(const EvaluationResult& result, const Epis
           const WalkOutcome walked = walk_episode(ruled.env, scene, field->second, episode, result.episodes[i].actions,
                                                   static_cast<std::uint32_t>(i % envs), static_cast<std::uint32_t>(i / envs));
           if (std::string problem = fault_of(result.episodes[i], walked); !problem.empty()) {
-            faults[part] = {.index = i, .what = std::move(problem)};
+            faults[part] = {.index = i, .problem = std::move(problem)};
             break;
           }
         }
       } catch (const std::exception& error) {
-        faults[part] = {.index = index, .what = error.what(), .is_walked = false};
+        faults[part] = {.index = index, .problem = error.what(), .is_walked = false};
       }
     }
   };

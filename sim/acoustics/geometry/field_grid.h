@@ -19,7 +19,7 @@ namespace earshot {
 /// box_pieces.h defines the pieces of a box, air_cells.h finds the piece at a point, cell_passages.h joins pieces.
 class FieldGrid {
  public:
-  static constexpr std::uint32_t no_cell = AirCells::no_cell;
+  static constexpr std::uint32_t no_cell = AirCells::no_index;
   /// In place of a cell: air of no cell, as in gaps behind furniture.
   static constexpr std::uint32_t gap = no_cell - 1;
 

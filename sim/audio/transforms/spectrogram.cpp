@@ -108,8 +108,8 @@ SpectrogramAnalyzer::~SpectrogramAnalyzer() = default;
 SpectrogramAnalyzer::SpectrogramAnalyzer(SpectrogramAnalyzer&&) noexcept = default;
 
 void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::span<float> spectrogram) {
-  impl_->own.forget();
-  analyze(sound, 0, impl_->own, spectrogram);
+  impl_->default_history.forget();
+  analyze(sound, 0, impl_->default_history, spectrogram);
 }
 
 void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_samples, SpectrogramHistory& history,

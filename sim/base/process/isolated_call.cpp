@@ -168,11 +168,11 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
                           const IsolationLimits& limits) {
   const Clock::time_point deadline = Clock::now() + limits.wall_time;
   const std::int64_t seconds = std::chrono::ceil<std::chrono::seconds>(limits.wall_time).count() + 1;
-  std::vector<std::string> all_signals{std::to_string(::getpid()), std::to_string(limits.memory_bytes), std::to_string(seconds)};
-  all_signals.insert(all_signals.end(), arguments.begin(), arguments.end());
+  std::vector<std::string> child_arguments{std::to_string(::getpid()), std::to_string(limits.memory_bytes), std::to_string(seconds)};
+  child_arguments.insert(child_arguments.end(), arguments.begin(), arguments.end());
 
   Pipe pipe = open_pipe();
-  Child child(program, all_signals, pipe.write.get());
+  Child child(program, child_arguments, pipe.write.get());
   pipe.write = Descriptor();  // so that the end of the program is the end of the pipe
   std::string frame;
   const bool is_driver = limits.memory_bytes == IsolationLimits::kUnlimited;
