@@ -5,6 +5,10 @@
 
 namespace earshot {
 
+/// The folder for temporary files: $TMPDIR, or /tmp where it is not set.  Throws InputError that names the variable if it is no folder in
+/// which this user can make files: no other place is taken silently.
+std::filesystem::path temporary_parent();
+
 /// A new folder that only this user may enter; it goes with everything in it.
 class TemporaryFolder {
  public:

@@ -3,7 +3,8 @@
 
 #include <cstddef>
 #include <filesystem>
-#include <system_error>
+
+#include "sim/base/temporary_folder.h"
 
 namespace earshot {
 
@@ -11,12 +12,12 @@ namespace earshot {
 inline constexpr const char *kRankName = "EARSHOT_RANK", *kWorldSizeName = "EARSHOT_WORLD_SIZE", *kRendezvousName = "EARSHOT_RENDEZVOUS",
                             *kRunIdName = "EARSHOT_RUN_ID";
 
-/// The folder of temporary files, or /tmp where its name is too long for that of a socket in it, which has 107 characters at most.
+/// The folder of temporary files, or /tmp where its name is too long for that of a socket in it, which has 107 characters at most.  Throws
+/// as temporary_parent() does.
 inline std::filesystem::path parent_of_sockets() {
   constexpr std::size_t kMaxLength = 60;
-  std::error_code error;
-  const std::filesystem::path parent = std::filesystem::temp_directory_path(error);
-  return error || parent.string().size() > kMaxLength ? "/tmp" : parent;
+  const std::filesystem::path parent = temporary_parent();
+  return parent.string().size() > kMaxLength ? "/tmp" : parent;
 }
 
 }  // namespace earshot
