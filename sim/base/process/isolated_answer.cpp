@@ -2,8 +2,6 @@
 // The part of sim/base/process/isolated_call.h that runs in the started program.
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -14,6 +12,8 @@
 #include <stdexcept>
 
 #include "sim/base/errors.h"
+#include "sim/base/process/child_program.h"
+#include "sim/base/process/confinement.h"
 #include "sim/base/process/isolated_call.h"
 
 namespace earshot {
@@ -27,42 +27,6 @@ std::uint64_t to_number(const char* text) {
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
   if (error != std::errc() || end != digits.data() + digits.size()) throw InputError(digits, "is not a number", "");
   return number;
-}
-
-void lower_limit(int resource, rlim_t value) {
-  rlimit limit{};
-  if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0) return;
-  limit.rlim_cur = std::min(limit.rlim_max, value);
-  limit.rlim_max = limit.rlim_cur;
-  static_cast<void>(::setrlimit(static_cast<__rlimit_resource_t>(resource), &limit));
-}
-
-/// Address space and writable pages now (proc(5), statm), as sanitizers hold terabytes of both.
-struct Footprint {
-  std::uint64_t address_bytes = 0, data_bytes = 0;
-};
-Footprint footprint() {
-  unsigned long long size = 0, data = 0;
-  if (std::FILE* file = std::fopen("/proc/self/statm", "re")) {
-    if (std::fscanf(file, "%llu %*u %*u %*u %*u %llu", &size, &data) != 2) size = data = 0;
-    std::fclose(file);
-  }
-  const auto page = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-  return {size * page, data * page};
-}
-
-/// Sets the limits: CPU time, end with the caller, no core; of memory and files as IsolationLimits has it.
-void take_on_limits(pid_t asking, std::uint64_t memory_bytes, std::uint64_t seconds) {
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != asking) ::_exit(0);  // it ended before that call
-  ::prctl(PR_SET_DUMPABLE, 0);
-  lower_limit(RLIMIT_CPU, seconds);
-  lower_limit(RLIMIT_CORE, 0);
-  if (memory_bytes == IsolationLimits::kUnlimited) return;
-  const Footprint now = footprint();
-  lower_limit(RLIMIT_AS, now.address_bytes + memory_bytes);
-  lower_limit(RLIMIT_DATA, now.data_bytes + memory_bytes);
-  lower_limit(RLIMIT_FSIZE, 0);
 }
 
 void write_all(std::string_view bytes) {
@@ -86,7 +50,7 @@ int answer_isolated(int argc, char** argv, const std::function<std::string(const
   std::uint64_t memory_bytes = 0;
   try {
     memory_bytes = to_number(argv[2]);
-    take_on_limits(static_cast<pid_t>(to_number(argv[1])), memory_bytes, to_number(argv[3]));
+    take_on_limits({.caller = static_cast<pid_t>(to_number(argv[1])), .memory_bytes = memory_bytes, .cpu_seconds = to_number(argv[3])});
     bytes = work({argv + kOwnArguments, argv + argc});
     kind = AnswerKind::answer;
   } catch (const std::bad_alloc&) {

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -20,9 +19,8 @@
 #include "sim/base/errors.h"
 #include "sim/base/file_descriptor.h"
 #include "sim/base/files.h"
+#include "sim/base/process/child_program.h"
 #include "sim/base/process/companion_program.h"
-
-extern char** environ;
 
 namespace earshot {
 namespace {
@@ -52,65 +50,6 @@ Pipe open_pipe() {
   static_cast<void>(::fcntl(pipe.read.get(), F_SETPIPE_SZ, kPipeBytes));  // fewer turns; a smaller pipe works too
   return pipe;
 }
-
-struct SpawnActions {
-  SpawnActions() {
-    if (posix_spawn_file_actions_init(&actions) != 0) throw std::bad_alloc();
-    if (posix_spawnattr_init(&attributes) != 0) throw std::bad_alloc();
-  }
-  ~SpawnActions() {
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-  }
-  SpawnActions(const SpawnActions&) = delete;
-  SpawnActions& operator=(const SpawnActions&) = delete;
-  posix_spawn_file_actions_t actions{};
-  posix_spawnattr_t attributes{};
-};
-
-/// A program that runs, ended and waited for at the latest here.
-class Child {
- public:
-  Child(const std::filesystem::path& program, const std::vector<std::string>& arguments, int answer_end) {
-    SpawnActions spawn;
-    // Output of libraries is dropped: the answer states the error in one line.
-    posix_spawn_file_actions_addopen(&spawn.actions, 0, "/dev/null", O_RDONLY, 0);
-    for (const int output : {1, 2}) posix_spawn_file_actions_addopen(&spawn.actions, output, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_adddup2(&spawn.actions, answer_end, kAnswerDescriptor);
-    sigset_t all_signals, no_signals;
-    sigfillset(&all_signals);
-    sigemptyset(&no_signals);
-    posix_spawnattr_setsigdefault(&spawn.attributes, &all_signals);
-    posix_spawnattr_setsigmask(&spawn.attributes, &no_signals);
-    posix_spawnattr_setpgroup(&spawn.attributes, 0);  // a group of its own: Ctrl-C goes to this process only
-    posix_spawnattr_setflags(&spawn.attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP));
-    std::vector<char*> pointers{const_cast<char*>(program.c_str())};  // as execve is declared; never written to
-    for (const std::string& argument : arguments) pointers.push_back(const_cast<char*>(argument.c_str()));
-    pointers.push_back(nullptr);
-    const int error = ::posix_spawn(&pid_, program.c_str(), &spawn.actions, &spawn.attributes, pointers.data(), environ);
-    if (error != 0) throw RunError(program.string(), "cannot be started: " + message_of(error));
-  }
-  ~Child() { end(); }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  /// Ends it if it has not ended; its status as waitpid gives it, nullopt if another waitpid took that.
-  std::optional<int> end() {
-    if (pid_ < 0) return status_;
-    ::kill(pid_, SIGKILL);  // without effect on the status of one that has ended
-    int status = 0;
-    pid_t waited = 0;
-    while ((waited = ::waitpid(pid_, &status, 0)) < 0 && errno == EINTR) {
-    }
-    if (waited == pid_) status_ = status;
-    pid_ = -1;
-    return status_;
-  }
-
- private:
-  pid_t pid_ = -1;
-  std::optional<int> status_;
-};
 
 /// Reads until the answer is whole or damaged, the other end is closed, or the time is up.  False: the time is up.
 bool read_answer(int descriptor, Clock::time_point deadline, std::uint64_t max_bytes, std::string& frame) {
@@ -172,7 +111,7 @@ std::string call_isolated(const std::filesystem::path& program, const std::vecto
   child_arguments.insert(child_arguments.end(), arguments.begin(), arguments.end());
 
   Pipe pipe = open_pipe();
-  Child child(program, child_arguments, pipe.write.get());
+  ChildProgram child({.program = program, .arguments = std::move(child_arguments), .descriptor = pipe.write.get()});
   pipe.write = Descriptor();  // so that the end of the program is the end of the pipe
   std::string frame;
   const bool is_driver = limits.memory_bytes == IsolationLimits::kUnlimited;

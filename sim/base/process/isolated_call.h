@@ -45,9 +45,8 @@ std::filesystem::path reader_program();
 /// `work` is thrown again by call_isolated.
 int answer_isolated(int argc, char** argv, const std::function<std::string(const std::vector<std::string>& arguments)>& work);
 
-/// Where the program writes its answer.
-inline constexpr int kAnswerDescriptor = 3;
-/// Message from the program: 32 bytes (magic number, kind, length, XXH3 of the rest), then the answer or the text of the refusal.
+/// Message from the program by kAnswerDescriptor (child_program.h): 32 bytes (magic number, kind, length, XXH3 of the rest), then the
+/// answer or the text of the refusal.
 enum class AnswerKind : std::uint64_t { answer = 1, refusal = 2 };
 std::string answer_header(AnswerKind kind, std::string_view bytes);
 struct Answer {
