@@ -31,6 +31,7 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
         newest_update = update;
       }
     } catch (const InputError& error) {
+      if (!std::filesystem::exists(file)) continue;  // a run that is under way has removed it meanwhile
       damaged = error.what();
       log_warning(fmt::format("skipped a damaged checkpoint: {}", damaged));
     }
