@@ -13,6 +13,7 @@
 #include <set>
 #include <string_view>
 
+#include "apps/options/output_options.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/exit_codes.h"
 #include "sim/base/text/config_reader.h"
@@ -77,6 +78,7 @@ Program::Program(int argc, char** argv)
       app_("Earshot: a runtime in which reinforcement-learning agents see and hear", "earshot") {
   app_.set_version_flag(kVersionFlag, fmt::format("earshot {}", kVersion));
   app_.require_subcommand(1);
+  app_.parse_complete_callback([this] { check_outputs_of(app_); });  // behind the whole line, before the command
   app_.footer(
       "SCENE is a mesh file (glb, gltf, obj, ply, stl; FILE,unit=0.01,up=z names unit and up axis), shoebox:XxYxZ[@M], "
       "house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "

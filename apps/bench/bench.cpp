@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/options/picture_size.h"
 #include "apps/options/scene_options.h"
 #include "bench/accuracy/accuracy_promise.h"
@@ -21,6 +22,7 @@
 #include "bench/speed/hearing_cost.h"
 #include "bench/speed/scene_scale.h"
 #include "sim/base/errors.h"
+#include "sim/base/temporary_folder.h"
 
 namespace earshot {
 namespace {
@@ -53,6 +55,7 @@ void run_accuracy(const AccuracyCommand& command) {
   options.quick = command.quick;
   options.minutes = command.minutes.value_or(command.quick ? 2.5 : 20);
   require(options.minutes > 0 && options.minutes <= 1440, "--minutes", options.minutes, "must be in (0, 1440]");
+  static_cast<void>(temporary_parent());  // for requests to other engines
   for (const std::string& engine : command.engines) options.engines.push_back(EngineCommand::parse(engine));
   if (command.engines.empty()) options.engines = usual_engines();
   options.after_scene = [&](const AccuracyStudy& so_far) { write_accuracy_files(so_far, command.out); };
@@ -84,6 +87,7 @@ struct SoakCommand {
 };
 
 void run_soak_command(const SoakCommand& command) {
+  static_cast<void>(temporary_parent());  // for scenes that are files
   SoakOptions options = command.options;
   if (!command.out.empty()) options.on_progress = [&](const SoakResult& so_far) { write_soak_files(so_far, command.out); };
   const SoakResult result = run_soak(options);
@@ -120,8 +124,8 @@ void add_soak(CLI::App& bench) {
       ->capture_default_str();
   command->add_option("--memory-limit", options.memory_limit_mib, "Allowed growth of resident memory in MiB per 100000 steps")
       ->capture_default_str();
-  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, updated during the run");
-  command->add_option("--json", soak->json, "Also write names, values and settings to this JSON file");
+  command->add_option("--out", soak->out, "Folder for soak.md, soak.json and soak.svg, updated during the run")->type_name(kOutputFolder);
+  command->add_option("--json", soak->json, "Also write names, values and settings to this JSON file")->type_name(kOutputFile);
   command->callback([soak] { run_soak_command(*soak); });
 }
 
@@ -152,8 +156,8 @@ void add_scenes(CLI::App& bench) {
   command->add_option("--cache-gb", options.cache_gb, "Size limit of the scene cache in GB")->capture_default_str();
   command->add_option("--minutes", options.minutes, "Time limit in minutes; the run stops when it is reached")->capture_default_str();
   command->add_option("--seed", options.seed, "Seed of houses and episodes")->capture_default_str();
-  command->add_option("--store", scenes->store, "Folder for preprocessed scenes, about 9 MB each")->required();
-  command->add_option("--json", scenes->json, "Also write names, values and settings to this JSON file");
+  command->add_option("--store", scenes->store, "Folder for preprocessed scenes, about 9 MB each")->type_name(kOutputFolder)->required();
+  command->add_option("--json", scenes->json, "Also write names, values and settings to this JSON file")->type_name(kOutputFile);
   command->callback([scenes] { run_scenes(*scenes); });
 }
 
@@ -161,7 +165,7 @@ void add_scenes(CLI::App& bench) {
 CLI::App* add_bench_command(CLI::App& bench, const std::string& name, const std::string& about,
                             const std::shared_ptr<BenchArguments>& options) {
   CLI::App* command = bench.add_subcommand(name, about);
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file")->type_name(kOutputFile);
   command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   return command;
 }
@@ -279,7 +283,9 @@ void add_bench(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       *bench, "accuracy",
       "Measure error against computing time: all presets and parameters in all scenes against a converged reference; tables and figures",
       accuracy);
-  command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")->capture_default_str();
+  command->add_option("--out", accuracy->out, "Folder for accuracy.csv, accuracy_tables.md and the figures")
+      ->type_name(kOutputFolder)
+      ->capture_default_str();
   command->add_option("--minutes", accuracy->minutes,
                       "Minutes for the whole study; poses and repeats are reduced to fit (default: 20, or 2.5 with --quick)");
   command

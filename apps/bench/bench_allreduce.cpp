@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "bench/measure/bench_report.h"
 #include "bench/training/all_reduce_speed.h"
 #include "sim/base/errors.h"
@@ -111,7 +112,7 @@ int run(BenchAllreduceArguments options, const std::vector<std::string>& argumen
     return 0;
   }
 
-  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_allreduce_");
+  const TemporaryFolder folder(temporary_parent(), "earshot_bench_allreduce_");
   BenchReport report("allreduce");
   if (options.speed.gloo && !has_gloo())
     fmt::print("Gloo left out: it is not in this build (apt-get install libgloo-dev, then build again)\n");
@@ -148,7 +149,7 @@ void add_bench_allreduce(CLI::App& bench, const std::vector<std::string>& argume
   command->add_option("--seconds", options->speed.seconds, "Seconds per size, method and repeat")->capture_default_str();
   command->add_option("--repeats", options->speed.rounds, "Repeats of each measurement, interleaved")->capture_default_str();
   command->add_flag("--no-gloo", options->no_gloo, "Leave out Gloo");
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file")->type_name(kOutputFile);
   command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->add_option("--times", options->times, "")->group("");  // of the workers
   command->callback([options, &arguments, &exit_code] { exit_code = run(*options, arguments); });

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "envs/batch/batched_env.h"
 #include "envs/episodes/episode_set.h"
 #include "sim/base/errors.h"
@@ -83,7 +84,7 @@ void add_bench_bits(CLI::App& bench) {
   command->add_option("--steps", options->steps, "Steps of each environment")->capture_default_str();
   command->add_option("--threads", options->threads, "Threads for the batch; 0: all cores")->capture_default_str();
   command->add_option("--restored", options->restored, "Half way, save the state and continue in another batch with this many threads");
-  command->add_option("--json", options->json, "Also write the hash to this JSON file");
+  command->add_option("--json", options->json, "Also write the hash to this JSON file")->type_name(kOutputFile);
   command->callback([options] { run_bits(*options); });
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "bench/measure/bench_report.h"
 #include "bench/training/all_reduce_speed.h"
 #include "bench/training/scaling_check.h"
@@ -123,7 +124,7 @@ int run(BenchScalingArguments options, const std::vector<std::string>& arguments
     return 0;
   }
 
-  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_scaling_");
+  const TemporaryFolder folder(temporary_parent(), "earshot_bench_scaling_");
   const std::string file = (folder.path() / "times.json").string();
   BenchReport report("scaling");
   const auto alone = make_single_worker();
@@ -182,7 +183,7 @@ void add_bench_scaling(CLI::App& bench, const std::vector<std::string>& argument
   number("--learn-s", options->learn_s, "Prediction: learning time per update in s");
   number("--latency-us", options->latency_us, "Prediction: latency of a link with its sockets in us; 0: as measured here");
   number("--gbit-per-s", options->gbit_per_s, "Prediction: bandwidth of a link in Gbit/s; 0: as measured here");
-  command->add_option("--json", options->json, "Also write names, values and settings to this JSON file");
+  command->add_option("--json", options->json, "Also write names, values and settings to this JSON file")->type_name(kOutputFile);
   command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->add_option("--times", options->times, "")->group("");  // of the workers
   command->callback([options, &arguments, &exit_code] { exit_code = run(*options, arguments); });

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "bench/accuracy/engine_process.h"
 #include "bench/measure/bench_report.h"
 #include "bench/measure/bench_scene.h"
@@ -104,7 +105,7 @@ void run(BenchTrainArguments options) {
     options.config = *usual;
   }
   const RunConfig config = load_run_config(options.config, options.overrides);
-  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot_bench_train_");
+  const TemporaryFolder folder(temporary_parent(), "earshot_bench_train_");
   LearnerSpeedTest test(config);
   const BenchJson setting = {{"config", std::filesystem::path(options.config).filename().string()},
                              {"parameters", test.num_parameters()},
@@ -178,7 +179,7 @@ void add_bench_train(CLI::App& bench) {
   command->add_option("--python", options->python, "Python interpreter with torch (default: python3, then /usr/bin/python3)");
   command->add_flag("--no-torch", options->no_torch, "Skip torch");
   command->add_flag("--no-training", options->no_training, "Skip the short training");
-  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file");
+  command->add_option("--json", options->json, "Also write names, medians, ranges and settings to this JSON file")->type_name(kOutputFile);
   command->add_flag("--quick", options->quick, "Short smoke test; its numbers are not meaningful");
   command->callback([options] { run(*options); });
 }

@@ -7,13 +7,16 @@
 #include <cstdint>
 #include <memory>
 
+#include "apps/options/output_options.h"
 #include "sim/base/process/progress.h"
 #include "sim/sofa/sofa_writer.h"
 
 namespace earshot {
 
 void add_out_option(CLI::App& command, CorpusTarget& target) {
-  command.add_option("--out", target.out, "Folder to write; run the same command again to complete an interrupted corpus")->required();
+  command.add_option("--out", target.out, "Folder to write; run the same command again to complete an interrupted corpus")
+      ->type_name(kOutputFolder)
+      ->required();
 }
 
 void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::string& parts) {

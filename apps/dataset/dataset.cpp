@@ -4,7 +4,9 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/options/scene_options.h"
+#include "sim/base/output_paths.h"
 #include "trainer/run/episode_data.h"
 
 namespace earshot {
@@ -31,6 +33,10 @@ void run_dataset(const DatasetArguments& options) {
       throw InputError("--config", "names the scenes itself, but --unit or --up was given",
                        "write FILE,unit=METRES or FILE,up=z in data.train.scenes and data.eval.scenes");
     const RunConfig config = load_run_config(options.config, options.overrides);
+    std::vector<OutputPath> sets;
+    for (const auto& [key, file] : {std::pair("data.train.file", config.train.file), std::pair("data.eval.file", config.eval.file)})
+      if (!file.empty()) sets.push_back({key, file});
+    check_outputs(sets, std::vector<InputPath>{{.option = "--config", .path = options.config}});
     generate(config.train, config.env);
     generate(config.eval, config.env);
     return;
@@ -67,14 +73,18 @@ void add_dataset(CLI::App& app) {
           "--goals-per-scene", options->goals,
           "Number of source positions per scene, far from each other and shared by its episodes; 0: a separate position for each episode")
       ->capture_default_str();
-  episodes->add_option("--out", options->out, "File to write; the ending .gz compresses it");
-  episodes->add_option("--sounds", options->sounds,
-                       "Sounds of the goal: a folder of sound files, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music "
-                       "noise speech click engine bird)");
+  episodes->add_option("--out", options->out, "File to write; the ending .gz compresses it")->type_name(kOutputFile);
+  episodes
+      ->add_option("--sounds", options->sounds,
+                   "Sounds of the goal: a folder of sound files, one sound file, or synth:KIND[:SEED] (kinds: telephone alarm music "
+                   "noise speech click engine bird)")
+      ->type_name("TEXT|DIR");
   episodes->add_option("--agents", options->agents, "Agents per episode; they have different start poses and the same goal")
       ->capture_default_str();
-  episodes->add_option("--agent-sounds", options->agent_sounds,
-                       "Sounds that agents make for each other, in the form of --sounds (default: silent agents)");
+  episodes
+      ->add_option("--agent-sounds", options->agent_sounds,
+                   "Sounds that agents make for each other, in the form of --sounds (default: silent agents)")
+      ->type_name("TEXT|DIR");
   episodes->add_option("--seed", options->seed, "Random seed")->capture_default_str();
   episodes->add_option("--config", options->config, "Instead: write the sets data.train and data.eval of this run config");
   episodes->add_option("--set", options->overrides,

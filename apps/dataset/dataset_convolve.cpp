@@ -6,6 +6,7 @@
 #include "apps/commands.h"
 #include "apps/dataset/corpus_command.h"
 #include "apps/options/number_range.h"
+#include "apps/options/output_options.h"
 #include "datasets/convolve_corpus.h"
 #include "sim/base/errors.h"
 
@@ -50,10 +51,11 @@ void add_dataset_convolve(CLI::App& dataset) {
   ConvolveConfig& config = options->config;
   CLI::App* command = dataset.add_subcommand(
       "convolve", "Convolve dry speech with the responses of a corpus, and add noise, targets and labels (docs/howto/datasets_signals.md)");
-  command->add_option("CORPUS", config.corpus, "Folder written by 'earshot dataset rir'")->required();
+  command->add_option("CORPUS", config.corpus, "Folder written by 'earshot dataset rir'")->type_name(kWholeFolder)->required();
   command
       ->add_option("--speech", config.speech,
                    "Folder of dry speech, including subfolders: WAV, FLAC, OGG, Opus, MP3 or AIFF at any sample rate")
+      ->type_name(kWholeFolder)
       ->required();
   add_out_option(*command, options->target);
   command->add_option("--count", config.count, "Number of signals; speech files are used in turn; 0: one signal per speech file")
@@ -64,9 +66,11 @@ void add_dataset_convolve(CLI::App& dataset) {
       ->add_option("--talker-level", options->talker_level,
                    "LOW,HIGH in dB: level of further talkers relative to the first, at the listener")
       ->capture_default_str();
-  command->add_option("--noise", config.noise,
-                      "Noise: a folder of noise files, synth (white) or synth:KIND. It is convolved with the response of another source of "
-                      "the room; in a room with one source, each channel gets uncorrelated noise");
+  command
+      ->add_option("--noise", config.noise,
+                   "Noise: a folder of noise files, synth (white) or synth:KIND. It is convolved with the response of another source of "
+                   "the room; in a room with one source, each channel gets uncorrelated noise")
+      ->type_name("TEXT|DIR");
   command->add_option("--snr", options->snr, "LOW,HIGH in dB: ratio of all talkers to noise, over all channels and the whole signal")
       ->capture_default_str();
   command->add_option("--level", options->level, "LOW,HIGH in dB: RMS level of a signal relative to full scale")->capture_default_str();

@@ -5,6 +5,7 @@
 
 #include "apps/commands.h"
 #include "apps/dataset/corpus_command.h"
+#include "apps/options/output_options.h"
 #include "apps/options/picture_size.h"
 #include "apps/options/scene_options.h"
 #include "datasets/rir_corpus.h"
@@ -65,7 +66,9 @@ void add_dataset_pano(CLI::App& dataset) {
   CLI::App* command = dataset.add_subcommand("pano",
                                              "Write panoramas (color, depth, category), each with a response at the same pose, in the form "
                                              "of the PanoIR sets (docs/howto/datasets.md)");
-  command->add_option("SCENE", options->scenes, "Scenes and folders of scenes; house:10..14 means five houses")->required();
+  command->add_option("SCENE", options->scenes, "Scenes and folders of scenes; house:10..14 means five houses")
+      ->type_name("TEXT|DIR")
+      ->required();
   options->axes.add_to(*command);
   add_out_option(*command, options->target);
   command->add_option("--pairs", options->pairs, "Pairs of source and listener per scene")->capture_default_str();

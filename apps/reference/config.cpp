@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/reference/config_pages.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -51,7 +52,7 @@ void add_config(CLI::App& app) {
   CLI::App* command = app.add_subcommand("config", "Print the keys of config files with their types, defaults, units and ranges");
   auto* key = command->add_option("KEY", options->key, "A key (ppo.clip), a section (ppo) or a kind of file (scene); without it all keys");
   command->add_flag("--markdown", options->markdown, "Print the page of the documentation")->excludes(key);
-  command->add_option("--json", options->json, "Also write the keys to this JSON file");
+  command->add_option("--json", options->json, "Also write the keys to this JSON file")->type_name(kOutputFile);
   command->footer(
       "earshot config env.acoustics.rays    one key\nearshot config ppo                    a section\nearshot config \"run config\"        "
       "   a kind of file");

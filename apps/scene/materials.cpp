@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -83,7 +84,7 @@ void add_materials(CLI::App& app) {
       ->check(CLI::IsMember({"energy", "pressure"}));
   command->add_flag("--lint", options->only_lint,
                     "Print only the findings.  The exit code is 1 if there are any, with or without this flag");
-  command->add_option("--json", options->json, "Also write the table and the findings to this JSON file");
+  command->add_option("--json", options->json, "Also write the table and the findings to this JSON file")->type_name(kOutputFile);
   command->callback([options] { run_materials(*options); });
 }
 

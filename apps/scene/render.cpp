@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/options/parse_point.h"
 #include "apps/options/picture_size.h"
 #include "apps/options/print_warning.h"
@@ -137,7 +138,7 @@ void add_render(CLI::App& app) {
   command
       ->add_option("--pose", options->pose, "X,Y,Z,HEADING: the agent's foot point in metres, and its heading in degrees to the left of -z")
       ->required();
-  command->add_option("--out", options->out, "PNG file to write")->required();
+  command->add_option("--out", options->out, "PNG file to write")->type_name(kOutputFile)->required();
   command
       ->add_option(
           "--sensor", options->sensor,
@@ -159,7 +160,8 @@ void add_render(CLI::App& app) {
   command->add_option("--max-depth", options->max_depth_m, "Depth in metres that is drawn white")->capture_default_str();
   command->add_flag("--panorama", options->panorama,
                     "Panorama: the width spans 360 degrees, rows are angles (height at most half the width)");
-  command->add_option("--json", options->json, "With --sensor semantic: also write the table of categories to this JSON file");
+  command->add_option("--json", options->json, "With --sensor semantic: also write the table of categories to this JSON file")
+      ->type_name(kOutputFile);
   command->add_flag("--unlit", options->unlit, "Plain material colors without shading");
   command->callback([options] { run_render(*options); });
 }

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/options/scene_options.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/model/air_absorption.h"
@@ -284,7 +285,7 @@ void add_scene(CLI::App& app) {
   command->add_option("--preset", options->preset, "Quality preset of the plan: fast (training), balanced or high (reference)")
       ->capture_default_str();
   command->add_option("--set", options->settings, "Override a key of the preset: key=value, as in 'earshot rir'; may be repeated");
-  command->add_option("--json", options->json, "Also write the report to this JSON file");
+  command->add_option("--json", options->json, "Also write the report to this JSON file")->type_name(kOutputFile);
   command->callback([options] { run_scene(*options); });
 }
 

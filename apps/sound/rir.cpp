@@ -14,6 +14,7 @@
 #include "apps/commands.h"
 #include "apps/options/accuracy_planning.h"
 #include "apps/options/acoustic_options.h"
+#include "apps/options/output_options.h"
 #include "apps/options/parse_point.h"
 #include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
@@ -26,6 +27,7 @@
 #include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/output_paths.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/text/json.h"
 #include "sim/scene/checks/scene_check.h"
@@ -59,6 +61,31 @@ std::string with_suffix(const std::string& file, const std::string& suffix) {
   std::filesystem::path path = file;
   path.replace_extension(suffix + path.extension().string());
   return path.string();
+}
+
+bool is_single(const RirArguments& options) { return options.sources.size() == 1 && options.listeners.size() == 1; }
+
+std::string wav_of(const RirArguments& options, std::size_t source, std::size_t listener) {
+  return is_single(options) ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", source, listener));
+}
+
+std::string plot_of(const RirArguments& options, const std::string& wav) {
+  return is_single(options) ? options.plot : std::filesystem::path(wav).replace_extension(".svg").string();
+}
+
+/// Every file that is written.
+std::vector<OutputPath> outputs_of(const RirArguments& options) {
+  std::vector<OutputPath> outputs;
+  if (!options.metrics.empty()) outputs.push_back({"--metrics", options.metrics});
+  for (std::size_t s = 0; s < options.sources.size(); ++s)
+    for (std::size_t l = 0; l < options.listeners.size(); ++l) {
+      const std::string wav = wav_of(options, s, l);
+      outputs.push_back({"--out", wav});
+      if (!options.plot.empty()) outputs.push_back({"--plot", plot_of(options, wav)});
+      for (const Component& component : kComponents)
+        if (options.components) outputs.push_back({"--components", with_suffix(wav, fmt::format(".{}", component.name))});
+    }
+  return outputs;
 }
 
 /// The response with everything but one part silenced.  Silent arrivals stay, because the late field begins no earlier than the direct one.
@@ -168,8 +195,8 @@ class PairRenderer {
     write_wav(file, samples, rir.num_channels, rir.sample_rate_hz);
   }
   void write_plot(const AcousticScene& planned, const std::string& file, const EnergyResponse& response) const {
-    const std::string plot = file == options_.out ? options_.plot : std::filesystem::path(file).replace_extension(".svg").string();
-    write_file_atomically(plot, echogram_svg(fmt::format("{}, {} rays", planned.scene().name(), planned.config().rays), planned, response));
+    write_file_atomically(plot_of(options_, file),
+                          echogram_svg(fmt::format("{}, {} rays", planned.scene().name(), planned.config().rays), planned, response));
   }
   static void print(const std::string& file, const Rir& rir, const EnergyResponse& response, const RoomMetrics& energy, double render_ms) {
     fmt::print("{}: {} channels, {} samples at {:.0f} Hz, {} arrivals, ray efficiency {:.3f}, {:.1f} ms\n", file, rir.num_channels,
@@ -229,9 +256,7 @@ void run_rir(const RirArguments& options) {
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
   for (const double heading_deg : options.heading_deg)
     (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
-  for (const std::string& other : {options.metrics, options.plot})
-    if (other == options.out || (!other.empty() && options.metrics == options.plot))
-      throw InputError(other, "is given for two outputs", "give each output a different file");
+  check_outputs(outputs_of(options));
   if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
@@ -258,7 +283,7 @@ void run_rir(const RirArguments& options) {
     plans[s] = plan_and_print(acoustics, *target, sources[s], places, static_cast<double>(places.size()));
 
   print_warnings(odd_in_scene, place_warnings);
-  const bool single = sources.size() == 1 && listeners.size() == 1;
+  const bool single = is_single(options);
   OrderedJson pairs = OrderedJson::array();
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const std::optional<AccuracyPlan>& plan = plans[s];
@@ -270,8 +295,7 @@ void run_rir(const RirArguments& options) {
       std::vector<std::string> warnings = odd_in_scene;
       std::ranges::copy(place_warnings[s * places.size() + l], std::back_inserter(warnings));
       OrderedJson pair =
-          renderer.render(planned, candidates, field.get(), places[l], heading_deg,
-                          single ? options.out : with_suffix(options.out, fmt::format(".s{}.l{}", s, l)), std::move(warnings));
+          renderer.render(planned, candidates, field.get(), places[l], heading_deg, wav_of(options, s, l), std::move(warnings));
       if (plan && !pair.is_null()) pair["accuracy"] = accuracy_json(*target, *plan);
       if (single) {
         pairs = std::move(pair);
@@ -313,12 +337,17 @@ void add_rir(CLI::App& app) {
       ->add_option("--out", options->out,
                    "WAV file to write (32-bit float; a unit source has pressure 1 / (4 pi r)). With several sources or listeners: "
                    "OUT.s0.l0.wav and so on")
+      ->type_name(kOutputFile)
       ->required();
   command->add_option("--gain", options->gain, "Factor applied to the samples of WAV files")->capture_default_str();
-  command->add_option("--metrics", options->metrics,
-                      "JSON file to write, with room-acoustic parameters per band (several pairs: a list under \"pairs\")");
-  command->add_option("--plot", options->plot,
-                      "SVG plot to write: arrivals by kind, late field and decay of each band (several pairs: one file next to each WAV)");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "JSON file to write, with room-acoustic parameters per band (several pairs: a list under \"pairs\")")
+      ->type_name(kOutputFile);
+  command
+      ->add_option("--plot", options->plot,
+                   "SVG plot to write: arrivals by kind, late field and decay of each band (several pairs: one file next to each WAV)")
+      ->type_name(kOutputFile);
   command->add_flag(
       "--components", options->components,
       "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, whose sum is the response");

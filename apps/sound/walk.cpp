@@ -9,6 +9,7 @@
 #include "apps/commands.h"
 #include "apps/options/accuracy_planning.h"
 #include "apps/options/acoustic_options.h"
+#include "apps/options/output_options.h"
 #include "apps/options/parse_point.h"
 #include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
@@ -223,15 +224,17 @@ void add_walk(CLI::App& app) {
       ->add_option("--sound", options->sounds,
                    "Dry sound: a WAV, FLAC or OGG file, or synth:KIND[:SEED]; it loops.  Give one for all sources or one per source")
       ->required();
-  command->add_option("--out", options->out, "WAV file to write (32-bit float)")->required();
+  command->add_option("--out", options->out, "WAV file to write (32-bit float)")->type_name(kOutputFile)->required();
   command
       ->add_option("--step", options->step_s,
                    "Seconds between two impulse responses.  Between them strong paths glide and the rest crossfades; the sound of a step "
                    "ends at the pose at its end")
       ->capture_default_str();
-  command->add_option(
-      "--field-store", options->field_store,
-      "Folder of source fields of static sources (field=on, or field=auto over many blocks); missing fields are computed and written");
+  command
+      ->add_option(
+          "--field-store", options->field_store,
+          "Folder of source fields of static sources (field=on, or field=auto over many blocks); missing fields are computed and written")
+      ->type_name(kOutputFolder);
   command
       ->add_option("--field-store-gb", options->field_store_gb,
                    "Size limit of --field-store in GB; the least recently used fields are removed first")

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "apps/training/blas_kernel.h"
 #include "policy/torch_info.h"
 #include "policy/torch_kernels.h"
@@ -217,7 +218,7 @@ void run_doctor(const std::string& json) {
 void add_doctor(CLI::App& app) {
   auto json = std::make_shared<std::string>();
   CLI::App* command = app.add_subcommand("doctor", "Check this machine: hardware, libraries, what is missing and how to install it");
-  command->add_option("--json", *json, "Also write the findings to this JSON file");
+  command->add_option("--json", *json, "Also write the findings to this JSON file")->type_name(kOutputFile);
   command->callback([json] { run_doctor(*json); });
 }
 

@@ -2,8 +2,10 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <vector>
 
 #include "apps/commands.h"
+#include "sim/base/output_paths.h"
 #include "trainer/net/curve_keys.h"
 
 namespace earshot {
@@ -19,6 +21,7 @@ void run_keys(const KeysArguments& options) {
     fmt::print("{}\n", read_curve_keys(options.file).public_key);
     return;
   }
+  check_outputs(std::vector<OutputPath>{{"FILE", options.file}});
   const CurveKeys keys = make_curve_keys();
   write_curve_keys(options.file, keys);
   fmt::print("{}\n", keys.public_key);

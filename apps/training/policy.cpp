@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint/find_checkpoint.h"
@@ -41,10 +42,11 @@ void add_policy(CLI::App& app) {
   auto options = std::make_shared<PolicyArguments>();
   CLI::App* command = app.add_subcommand("policy", "Describe a trained agent, or export it without the training state");
   command->add_option("AGENT", options->agent, "Policy file, checkpoint or run folder")->required();
-  auto* out = command->add_option("--out", options->out, "Policy file to write (weights and config) for 'earshot eval'");
+  auto* out =
+      command->add_option("--out", options->out, "Policy file to write (weights and config) for 'earshot eval'")->type_name(kOutputFile);
   command->add_flag("--float16", options->float16, "Store weights as float16 (half the size, relative error at most 2^-11)");
   command->add_flag("--config", options->config, "Print the agent's config (YAML), a starting point for fine-tuning")->excludes(out);
-  command->add_option("--json", options->json, "Also write the description to this JSON file");
+  command->add_option("--json", options->json, "Also write the description to this JSON file")->type_name(kOutputFile);
   command->footer(
       "To fine-tune the agent, set `initial_policy: FILE` in a run config (configs/train/finetune.yaml, docs/explanation/agent.md).");
   command->callback([options] { run_policy(*options); });

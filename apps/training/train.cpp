@@ -9,6 +9,7 @@
 #include "sim/base/process/closed_pipe.h"
 #include "sim/base/process/exit_codes.h"
 #include "sim/base/process/machine_limits.h"
+#include "sim/base/temporary_folder.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
 #include "trainer/checkpoint/run_lock.h"
@@ -68,6 +69,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
                      fmt::format("starts processes on this machine, but {} has already started {} workers", launched->launcher,
                                  launched->ring.identity.world_size),
                      "leave out --workers, and set the number of workers in the launcher");
+  if (!is_worker && workers > 1) static_cast<void>(temporary_parent());  // where they are to meet
   RunStart start;
   if (is_worker) start.lock = RunLock::inherited(asked.out);
   // The process that has started its workers itself has counted them.
