@@ -2,11 +2,15 @@
 // earshot_training: all commands of earshot, which starts it for those that need libtorch, for the help, and for words that it does not
 // know.
 
+#include <string_view>
+
 #include "apps/board/board_commands.h"
 #include "apps/commands.h"
 #include "apps/program.h"
+#include "evaluation/results/policy_process.h"
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == earshot::kPolicyProcessWord) return earshot::serve_policy(argc, argv);
   earshot::Program program(argc, argv);
   CLI::App& app = program.app();
   earshot::add_doctor(app);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/board/board_commands.h"
+#include "apps/options/output_options.h"
 #include "evaluation/leaderboard/private_set.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -25,6 +26,7 @@ void run_benchmark(const BenchmarkArguments& options) {
     throw InputError("--make-private", "cannot be combined with --private: one writes the private set, the other reads it",
                      "give only one of them");
   const Benchmark benchmark = load_benchmark(options.file);
+  check_named_outputs({{"--json", options.json}, {"--make-private", options.new_private_file}}, sets_of(benchmark));
   if (!options.new_private_file.empty()) {
     const std::string sha256 = make_private_set(benchmark, options.new_private_file);
     fmt::print(
@@ -74,10 +76,11 @@ void add_benchmark(CLI::App& app) {
   command->add_option(
       "--private", options->private_file,
       "Also check the private set in this file: its SHA-256 must be the one in the benchmark; overlaps with the other sets are listed");
-  command->add_option(
-      "--make-private", options->new_private_file,
-      "Instead: draw a new private set from secret random numbers and write it to this file (for maintainers of a benchmark)");
-  command->add_option("--json", options->json, "Also write the findings to this JSON file");
+  command
+      ->add_option("--make-private", options->new_private_file,
+                   "Instead: draw a new private set from secret random numbers and write it to this file (for maintainers of a benchmark)")
+      ->type_name(kOutputFile);
+  command->add_option("--json", options->json, "Also write the findings to this JSON file")->type_name(kOutputFile);
   command->footer("Generates the test set (data.eval.file) if it is missing, and refuses a set whose hash differs from the benchmark's.");
   command->callback([options] { run_benchmark(*options); });
 }

@@ -6,7 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/results/verify_result.h"
+#include "sim/base/output_paths.h"
 
 namespace earshot {
 
@@ -20,6 +22,10 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
 
 /// Options of every command that verifies results.
 void add_verify_options(CLI::App& command, VerifyConfig& config);
+/// The episode sets that a benchmark names: they are read, or made.
+std::vector<InputPath> sets_of(const Benchmark& benchmark);
+/// check_outputs over those that are named: {option, path}.
+void check_named_outputs(std::vector<OutputPath> outputs, const std::vector<InputPath>& inputs);
 /// "ADDRESS=TEXT" of --link.  Throws InputError.
 std::pair<std::string, std::string> parse_link(const std::string& text);
 

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <set>
 
 #include "apps/board/board_commands.h"
+#include "apps/options/output_options.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard.h"
@@ -17,9 +20,9 @@
 #include "sim/base/control_characters.h"
 #include "sim/base/files.h"
 #include "sim/base/process/closed_pipe.h"
-#include "sim/base/regular_file.h"
+#include "sim/base/temporary_folder.h"
 #include "sim/base/text/log.h"
-#include "trainer/checkpoint/find_checkpoint.h"
+#include "trainer/checkpoint/checkpoint_bytes.h"
 #include "trainer/checkpoint/run_lock.h"
 #include "trainer/launch/launcher_job.h"
 #include "trainer/run/effective_config.h"
@@ -38,6 +41,7 @@ struct EvalArguments {
   EvaluationConfig evaluation;
   bool argmax = false, sample = false;
   int workers = 1;
+  double policy_memory_gb = 4, policy_seconds = 86'400;
   std::string part_folder, json;
 };
 
@@ -54,7 +58,8 @@ constexpr std::size_t kMaxPolicyBytes = std::size_t{64} << 20;
 /// Inputs of an evaluation, for any process that runs it.
 struct Plan {
   std::optional<Baseline> baseline;
-  std::filesystem::path checkpoint;  ///< unless it is a baseline
+  CheckpointBytes checkpoint;              ///< unless it is a baseline; as read when the evaluation began
+  std::shared_ptr<PolicyProcess> process;  ///< if a benchmark runs a policy
   RunConfig config;
   EvaluationConfig evaluation;
   std::vector<std::string> trained_sounds;
@@ -75,6 +80,20 @@ std::vector<std::shared_ptr<RunLock>> lock_written_runs(const EvalArguments& opt
   std::vector<std::shared_ptr<RunLock>> locks;
   for (const auto& folder : folders) locks.push_back(RunLock::acquire(folder, kWhat, run_lock_options(launcher_job())));
   return locks;
+}
+
+/// No result replaces what the evaluation reads, or what a run keeps in its folder.
+void check_outputs_of_eval(const EvalArguments& options, const Plan& plan) {
+  std::vector<InputPath> inputs{{.option = "the evaluation", .path = plan.evaluation.episodes}};
+  if (!plan.baseline) inputs.push_back({.option = "the evaluation", .path = plan.checkpoint.path});
+  for (const std::string& file : {options.out, options.json})
+    if (const auto folder = file.empty() ? std::nullopt : run_folder_around(file)) {
+      const RunFolder run(*folder);
+      for (const auto& kept : {run.event_log(), run.curve(), run.lock_file(), run.last_checkpoint(), run.best_checkpoint()})
+        inputs.push_back({.option = "the run in " + folder->string(), .path = kept});
+      for (const auto& kept : run.checkpoints()) inputs.push_back({.option = "the run in " + folder->string(), .path = kept});
+    }
+  check_named_outputs({{"--out", options.out}, {"--json", options.json}}, inputs);
 }
 
 /// The benchmark that is named, with its set made and the right one; nothing without.
@@ -110,14 +129,29 @@ void refuse_larger_network(const PolicyConfig& policy, std::size_t bytes, const 
                      "export the policy again (earshot policy)");
 }
 
+PolicyLimits policy_limits(const EvalArguments& options) {
+  require(options.policy_memory_gb > 0 && options.policy_memory_gb <= 1024, "--policy-memory-gb", options.policy_memory_gb,
+          "must be in (0, 1024]");
+  require(options.policy_seconds >= 1 && options.policy_seconds <= 1e8, "--policy-seconds", options.policy_seconds, "must be in [1, 1e8]");
+  PolicyLimits limits;
+  limits.memory_bytes = static_cast<std::uint64_t>(options.policy_memory_gb * static_cast<double>(std::uint64_t{1} << 30));
+  limits.cpu = std::chrono::seconds(static_cast<std::int64_t>(options.policy_seconds));
+  limits.answer = std::min(limits.answer, limits.cpu);
+  return limits;
+}
+
 /// A policy on a benchmark: the policy chooses network and sensors, the benchmark the settings of the sensors.  Paths in its config are
 /// not looked at.
-void enter_policy(Plan& plan, const Benchmark& benchmark, bool anything) {
-  const std::string where = plan.checkpoint.string();
-  const std::size_t bytes = read_regular_file(plan.checkpoint, kMaxPolicyBytes).size();
-  const RunConfig policy = parse_effective_config(load_checkpoint_metadata(plan.checkpoint).config_yaml, where + " (its config)",
+void enter_policy(Plan& plan, const Benchmark& benchmark, const EvalArguments& options) {
+  const bool anything = !options.track.empty();
+  const std::string where = plan.checkpoint.path.string();
+  plan.process = std::make_shared<PolicyProcess>(plan.checkpoint, policy_limits(options));
+  if (plan.process->has_files() && options.part_folder.empty())
+    log_warning("this kernel has no Landlock: the policy's process is limited in memory and time, but could open files");
+  const RunConfig policy = parse_effective_config(plan.process->config_yaml(), where + " (its config)",
                                                   {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""});
-  refuse_larger_network(policy.policy, bytes, where);
+  if (has_control_character(policy.name)) throw InputError(where, "has control characters in its name", "ask its author for another file");
+  refuse_larger_network(policy.policy, plan.checkpoint.bytes.size(), where);
   plan.config = with_decided_acoustics(benchmark.run);
   plan.config.name = policy.name;
   plan.config.policy = policy.policy;
@@ -132,7 +166,8 @@ void enter_policy(Plan& plan, const Benchmark& benchmark, bool anything) {
   if (!plan.evaluation.actions) plan.evaluation.actions = policy.eval_actions;
 }
 
-Plan plan_of(const EvalArguments& options) {
+/// worker: that of evaluate_with_workers(), which has the checkpoint; else null.
+Plan plan_of(const EvalArguments& options, const EvaluationWorker* worker) {
   if (has_control_character(options.name)) throw InputError("--name", "has control characters", "use letters, digits and signs");
   Plan plan;
   plan.baseline = baseline_by_name(options.agent);
@@ -156,11 +191,11 @@ Plan plan_of(const EvalArguments& options) {
     use_training_set(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
   } else {
-    plan.checkpoint = find_checkpoint(options.agent);
+    plan.checkpoint = worker != nullptr ? worker->checkpoint() : read_checkpoint(options.agent, benchmark ? kMaxPolicyBytes : 0);
     if (benchmark) {
-      enter_policy(plan, *benchmark, !options.track.empty());
+      enter_policy(plan, *benchmark, options);
     } else {
-      plan.config = config_of_checkpoint(load_checkpoint_metadata(plan.checkpoint), plan.checkpoint.string(), options.overrides);
+      plan.config = config_of_checkpoint(metadata_of(plan.checkpoint), plan.checkpoint.path.string(), options.overrides);
     }
     use_training_set(plan.config, evaluation);
     if (evaluation.episodes.empty())
@@ -174,18 +209,22 @@ Plan plan_of(const EvalArguments& options) {
 
 EvaluationResult evaluate(const Plan& plan, const EvalArguments& options) {
   if (plan.baseline) return evaluate_baseline(*plan.baseline, options.agent, plan.config.env, plan.evaluation);
+  if (plan.process) return evaluate_apart(*plan.process, plan.config.name, plan.evaluation);
   return evaluate_checkpoint(plan.checkpoint, plan.evaluation, options.overrides);
 }
 
 int run_eval(const EvalArguments& options, const std::vector<std::string>& arguments) {
   outlive_closed_pipes();
-  Plan plan = plan_of(options);
   if (!options.part_folder.empty()) {
     EvaluationWorker worker(options.part_folder, options.agent);
+    Plan plan = plan_of(options, &worker);
     worker.prepare(plan.evaluation, load_evaluated_set(plan.evaluation)->episodes.size());
     worker.finish(evaluate(plan, options));
     return 0;
   }
+  if (options.workers > 1) static_cast<void>(temporary_parent());  // what is wrong with it is said before the work
+  Plan plan = plan_of(options, nullptr);
+  check_outputs_of_eval(options, plan);
   const auto locks = lock_written_runs(options);
   EvaluationResult result;
   if (options.workers > 1) {
@@ -194,7 +233,8 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
                        "set env.stage_limit_s=0, or evaluate with --workers 1");
     static_cast<void>(load_evaluated_set(plan.evaluation));  // reports its errors once
     int exit_code = 0;
-    result = evaluate_with_workers(options.workers, arguments, exit_code);
+    plan.process.reset();  // each worker has one of its own
+    result = evaluate_with_workers(options.workers, arguments, plan.baseline ? nullptr : &plan.checkpoint, exit_code);
     if (exit_code != 0) return exit_code;
   } else {
     result = evaluate(plan, options);
@@ -219,7 +259,7 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
   CLI::App* command = app.add_subcommand("eval", "Run an agent on all episodes of a set and report its metrics");
   command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
   command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
-  command->add_option("--out", options->out, "Result file to write (JSON)");
+  command->add_option("--out", options->out, "Result file to write (JSON)")->type_name(kOutputFile);
   command->add_option("--config", options->config, "Run config with the environment for a baseline");
   command->add_option("--benchmark", options->benchmark,
                       "Benchmark file (see configs/benchmarks); sets the episodes, the seed and a baseline's environment");
@@ -242,8 +282,13 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
           "Worker processes; the number does not change results. They divide the cores of --threads 0, and each has its own scene cache")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
+  command
+      ->add_option("--policy-memory-gb", options->policy_memory_gb, "With --benchmark: memory that the process of a policy may take in GB")
+      ->capture_default_str();
+  command->add_option("--policy-seconds", options->policy_seconds, "With --benchmark: CPU seconds that the process of a policy may take")
+      ->capture_default_str();
   command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts
-  command->add_option("--json", options->json, "Also write the table to this JSON file");
+  command->add_option("--json", options->json, "Also write the table to this JSON file")->type_name(kOutputFile);
   command->callback([options, &arguments, &exit_code] { exit_code = run_eval(*options, arguments); });
 }
 

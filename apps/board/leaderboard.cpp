@@ -12,12 +12,14 @@
 
 #include "apps/board/board_commands.h"
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard_page.h"
 #include "evaluation/leaderboard/paired_comparison.h"
 #include "evaluation/leaderboard/private_set.h"
 #include "evaluation/results/result_groups.h"
+#include "evaluation/results/set_of_result.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 
@@ -73,17 +75,18 @@ bool needs_places(const LeaderboardArguments& options) {
   return !options.html.empty() || options.by == GroupBy::size || options.by == GroupBy::distance;
 }
 
-/// Without a benchmark each result is noted by the file that it names, if that holds its set still: else tables go without.
-void note_all_places(ReadResults& read, const std::string& scene_root, bool is_benchmark) {
+/// Without a benchmark each result is noted by the file that it names, if that is near and holds its set still: else tables go without.
+void note_all_places(ReadResults& read, const std::vector<std::string>& files, const std::string& scene_root, bool is_benchmark) {
   FloorAreas areas(scene_root);
   std::map<std::string, EpisodeSet> sets;
-  for (EvaluationResult& result : read.results) {
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    EvaluationResult& result = read.results[i];
     if (is_benchmark) {
       note_places(result, read.set, areas);
       continue;
     }
     try {
-      if (!sets.contains(result.episodes_file)) sets.emplace(result.episodes_file, load_episode_set(result.episodes_file));
+      if (!sets.contains(result.episodes_file)) sets.emplace(result.episodes_file, set_of_result(result, files[i], folders_near(files[i])));
       note_places(result, sets.at(result.episodes_file), areas);
     } catch (const InputError&) {  // the set or its scenes have gone elsewhere
     }
@@ -179,6 +182,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
   check_options(options);
   std::optional<Benchmark> benchmark;
   if (!options.benchmark.empty()) benchmark = load_benchmark(options.benchmark);
+  check_named_outputs({{"--html", options.html}, {"--json", options.json}}, benchmark ? sets_of(*benchmark) : std::vector<InputPath>{});
   ReadResults read = read_results(options.results, benchmark, options.verify);
   std::vector<EvaluationResult>& results = read.results;
   if (options.compare) {
@@ -196,7 +200,7 @@ void run_leaderboard(const LeaderboardArguments& options) {
         results, read_results(options.private_results, with_private_set(*benchmark, options.private_file), options.verify).results);
   if (benchmark) page.benchmark = fmt::format("{} {}", benchmark->name, benchmark->version);
   if (benchmark) note_evidence_of_all(results, options.run_here, page.private_scores);
-  if (needs_places(options)) note_all_places(read, scene_root_of(options.verify, benchmark), benchmark.has_value());
+  if (needs_places(options)) note_all_places(read, options.results, scene_root_of(options.verify, benchmark), benchmark.has_value());
   const std::string groups = options.by ? groups_text(results, *options.by) : "";  // refused before anything is written
 
   fmt::print("{}", leaderboard_text(results));
@@ -242,7 +246,7 @@ void add_leaderboard(CLI::App& app) {
                    "Also print a table grouped by novelty of the sound (heard, unheard, unheard kind), kind of sound, size of the scene, "
                    "distance to the goal, or scene")
       ->transform(CLI::CheckedTransformer(groups, CLI::ignore_case).description("{novelty,kind,size,distance,scene}"));
-  command->add_option("--html", options->html, "Also write the table as an HTML page");
+  command->add_option("--html", options->html, "Also write the table as an HTML page")->type_name(kOutputFile);
   command->add_option("--link", options->links, "ADDRESS=TEXT: link on the HTML page; may be repeated");
   command->add_option("--replay", options->replays, "AGENT=ADDRESS=TEXT: link to a replay on the HTML page; may be repeated")
       ->allow_extra_args(false);
@@ -254,7 +258,7 @@ void add_leaderboard(CLI::App& app) {
   command->add_option("--private", options->private_file, "File with the benchmark's private set, used for --private-result");
   command->add_option("--private-result", options->private_results, "Result file of one of the agents on the private set; may be repeated")
       ->allow_extra_args(false);
-  command->add_option("--json", options->json, "Also write the table to this JSON file");
+  command->add_option("--json", options->json, "Also write the table to this JSON file")->type_name(kOutputFile);
   command->add_flag("--compare", options->compare, "Instead: compare two results on the same episodes (first minus second)");
   command->add_option("--benchmark", options->benchmark,
                       "Benchmark file (see configs/benchmarks); every result is verified against it first");

@@ -7,11 +7,13 @@
 
 #include "apps/board/board_commands.h"
 #include "apps/commands.h"
+#include "apps/options/output_options.h"
 #include "envs/batch/quarantine_replay.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/replay/replay_mcap.h"
 #include "evaluation/replay/replay_page.h"
 #include "evaluation/replay/replay_policy.h"
+#include "evaluation/results/set_of_result.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint/find_checkpoint.h"
@@ -69,8 +71,13 @@ void make_page(const ReplayArguments& options) {
     throw InputError(options.file, "does not contain its rules: an older version wrote it", "evaluate the agent again");
   ReplayCaption caption{.agent = result.agent, .set_hash = result.set_hash, .engine_hash = result.engine_hash, .policy = {}};
   for (const std::string& link : options.links) caption.links.push_back(parse_link(link));
-  const EpisodeSet set = load_episode_set(options.episodes.empty() ? result.episodes_file : options.episodes);
   RunConfig config = sensing_config(options);
+  // What a policy's config names is as little to be trusted as the result.
+  const bool is_named = !options.config.empty() || !options.benchmark.empty();
+  const std::string file = !options.episodes.empty() ? options.episodes : is_named ? config.eval.file : "";
+  const EpisodeSet set = std::filesystem::is_directory(file) ? set_of_result(result, options.file, {file})
+                         : file.empty()                      ? set_of_result(result, options.file, folders_near(options.file))
+                                                             : load_episode_set(file);
   PolicyObserver observer;
   if (!options.policy.empty()) {
     config.env.observation.goal_state = config.policy.guided_critic;  // its critic reads it, its actor does not
@@ -117,14 +124,19 @@ void add_replay(CLI::App& app) {
                    "Result file of 'earshot eval --out', or a file from the quarantine folder of a run (env.quarantine_dir)")
       ->required();
   command->add_option("--episode", options->episode, "For a result: episode number (0 is the first), or best, median or worst by SPL");
-  command->add_option("--html", options->html, "For a result: HTML page to write, a single file that works offline");
-  command->add_option("--mcap", options->mcap, "For a result: MCAP file to write, with pose, images, sound and values of each step");
+  command->add_option("--html", options->html, "For a result: HTML page to write, a single file that works offline")
+      ->type_name(kOutputFile);
+  command->add_option("--mcap", options->mcap, "For a result: MCAP file to write, with pose, images, sound and values of each step")
+      ->type_name(kOutputFile);
   command->add_option("--policy", options->policy,
                       "Policy file, checkpoint or run folder; sets the sensors and adds the policy's values and action probabilities");
   command->add_option("--config", options->config, "Run config that sets the sensors, for an agent that is not a policy");
   command->add_option("--benchmark", options->benchmark,
                       "Benchmark file (see configs/benchmarks) that sets the sensors, for an agent that is not a policy");
-  command->add_option("--episodes", options->episodes, "Episode set (default: the file that the result names)");
+  command->add_option(
+      "--episodes", options->episodes,
+      "Episode set, or the folder that holds it (default: data.eval.file of --config or --benchmark, else the file that the result "
+      "names, if it lies in the current folder or in that of the result)");
   command->add_option("--link", options->links, "ADDRESS=TEXT: link in the header of the HTML page; may be repeated");
   command->add_option("--set", options->overrides,
                       "Override a key of the policy's config, of --config or of a quarantined episode: key=value. If files have moved: "

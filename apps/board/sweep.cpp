@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "apps/board/board_commands.h"
+#include "apps/options/output_options.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/process/closed_pipe.h"
@@ -221,6 +222,13 @@ void write_report(const SweepArguments& options, const SweepConfig& sweep, const
 int run_sweep(const SweepArguments& options) {
   outlive_closed_pipes();
   const SweepConfig sweep = load_sweep(options.file);
+  const std::filesystem::path out = sweep.out;
+  check_named_outputs({{"--json", options.json},
+                       {"the page", out / "index.html"},
+                       {"the curves", out / "sweep.svg"},
+                       {"the table", out / "table.txt"},
+                       {"the numbers", out / "sweep.json"}},
+                      {{.option = "the sweep", .path = sweep.config}});
   const std::vector<SweepRun> runs = runs_of(sweep);  // whatever is wrong with one of them is said before the first
   for (const SweepRun& run : runs) {
     refuse_other_settings(sweep, run);
@@ -255,7 +263,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
       app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their learning curves");
   command->add_option("SWEEP", options->file, "Sweep file (YAML), for example configs/sweeps/learning_rate.yaml")->required();
   command->add_flag("--report", options->report, "Do not train: print the table and curves of the finished runs");
-  command->add_option("--json", options->json, "Also write the numbers to this JSON file");
+  command->add_option("--json", options->json, "Also write the numbers to this JSON file")->type_name(kOutputFile);
   command->footer(
       "Keys of SWEEP:\n"
       "  config     run config that all runs start from\n"

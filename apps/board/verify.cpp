@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "apps/board/board_commands.h"
+#include "apps/options/output_options.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/leaderboard/private_set.h"
+#include "evaluation/results/set_of_result.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 
@@ -36,9 +39,12 @@ void run_verify(VerifyArguments options) {
     if (options.verify.scene_root.empty()) options.verify.scene_root = run->env.scene_root;
     if (options.verify.sound_root.empty()) options.verify.sound_root = run->env.sound_root;
   }
+  check_named_outputs({{"--json", options.json}}, benchmark ? sets_of(*benchmark) : std::vector<InputPath>{});
+  if (options.episodes.empty() && config) options.episodes = config->eval.file;
   std::optional<EpisodeSet> set_of_all;
   if (benchmark) set_of_all = benchmark_set(*benchmark);
-  if (!options.episodes.empty()) set_of_all = load_episode_set(options.episodes);
+  const bool is_folder = std::filesystem::is_directory(options.episodes);
+  if (!options.episodes.empty() && !is_folder) set_of_all = load_episode_set(options.episodes);
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   const auto note = [&](const std::string& file, const Verification& verified, const std::string& rules_hash) {
     rows.push_back({{"file", file},
@@ -62,7 +68,10 @@ void run_verify(VerifyArguments options) {
       note(file, verified, benchmark->rules_hash);
       continue;
     }
-    const EpisodeSet result_set = set_of_all ? EpisodeSet{} : load_episode_set(result.episodes_file);
+    if (!set_of_all && !is_folder)
+      throw InputError(file, fmt::format("names the episode set '{}', and a result does not decide what is read", result.episodes_file),
+                       "name the set with --episodes FILE, or its folder with --episodes FOLDER");
+    const EpisodeSet result_set = set_of_all ? EpisodeSet{} : set_of_result(result, file, {options.episodes});
     if (!config && result.rules.empty())
       throw InputError(file, "does not contain its rules: an older version wrote it",
                        "give the config of the run with --config, or evaluate the agent again");
@@ -85,6 +94,18 @@ void add_verify_options(CLI::App& command, VerifyConfig& config) {
   command.add_option("--sound-root", config.sound_root, "Folder for sound files without a path");
 }
 
+std::vector<InputPath> sets_of(const Benchmark& benchmark) {
+  std::vector<InputPath> sets;
+  for (const std::string& file : {benchmark.run.train.file, benchmark.run.eval.file})
+    if (!file.empty()) sets.push_back({.option = "the benchmark", .path = file});
+  return sets;
+}
+
+void check_named_outputs(std::vector<OutputPath> outputs, const std::vector<InputPath>& inputs) {
+  std::erase_if(outputs, [](const OutputPath& output) { return output.path.empty(); });
+  check_outputs(outputs, inputs);
+}
+
 std::string verified_line(const std::string& file, const Verification& verified, const std::string& rules) {
   return fmt::format("{}: verified, {} episodes{}, {} steps; rules {}{}\n", file, verified.episodes,
                      verified.partial ? " (the first of a set)" : "", verified.steps, rules,
@@ -104,9 +125,11 @@ void add_verify(CLI::App& app) {
                       "Verify against the benchmark's private set in this file instead of its test set");
   command->add_option("--config", options->config, "Run config whose rules the results must have (default: the rules in each result)");
   command->add_option("--set", options->overrides, "Override a key of --config: key=value; may be repeated");
-  command->add_option("--episodes", options->episodes, "Episode set (default: the file named in each result)");
+  command->add_option("--episodes", options->episodes,
+                      "Episode set, or the folder that holds the sets that the results name (default: data.eval.file of --config)");
   add_verify_options(*command, options->verify);
-  command->add_option("--json", options->json, "Also write a report to this JSON file once all results are verified");
+  command->add_option("--json", options->json, "Also write a report to this JSON file once all results are verified")
+      ->type_name(kOutputFile);
   command->footer(
       "Stops at the first result that its actions do not reproduce: exit code 2 and one line that names the first differing episode.\n"
       "Without --benchmark or --config the rules of a result are its own, and may be easier than those of others: compare their hashes.");

@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
 #include "sim/base/process/progress.h"
 #include "sim/base/temporary_folder.h"
 #include "trainer/launch/worker_group.h"
@@ -23,7 +24,8 @@
 namespace earshot {
 namespace {
 
-constexpr const char* kCounts = "episodes_done";  ///< in the folder: a 64-bit number per worker
+// In the folder: a 64-bit number per worker; the checkpoint, and the path that it was read from.
+constexpr const char *kCounts = "episodes_done", *kCheckpoint = "checkpoint", *kCheckpointPath = "checkpoint_path";
 
 std::filesystem::path part_file(const std::filesystem::path& folder, int part) { return folder / fmt::format("part_{}.json", part); }
 
@@ -73,6 +75,10 @@ EvaluationWorker::~EvaluationWorker() {
   if (impl_->counts >= 0) ::close(impl_->counts);
 }
 
+CheckpointBytes EvaluationWorker::checkpoint() const {
+  return {read_file(impl_->folder / kCheckpointPath), read_file(impl_->folder / kCheckpoint)};
+}
+
 void EvaluationWorker::prepare(EvaluationConfig& evaluation, std::size_t num_episodes) {
   Impl& in = *impl_;
   in.num_episodes = num_episodes;
@@ -95,8 +101,12 @@ void EvaluationWorker::finish(const EvaluationResult& result) {
   if (in.progress) in.progress->update(in.num_episodes);
 }
 
-EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, int& exit_code) {
-  const TemporaryFolder folder(std::filesystem::temp_directory_path(), "earshot-eval-");
+EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, const CheckpointBytes* checkpoint, int& exit_code) {
+  const TemporaryFolder folder(temporary_parent(), "earshot-eval-");
+  if (checkpoint != nullptr) {
+    write_file_atomically(folder.path() / kCheckpoint, checkpoint->bytes);
+    write_file_atomically(folder.path() / kCheckpointPath, checkpoint->path.string());
+  }
   arguments.emplace_back(kPartFolderOption);
   arguments.push_back(folder.path().string());
   EvaluationResult result;

@@ -14,7 +14,8 @@ namespace earshot {
 /// Starts `workers` copies of this program with these arguments, each of which evaluates its part (worker_part), and puts their results
 /// together: the bytes of one process.  The first worker that fails ends the others, and its code comes back in exit_code (worker_group.h).
 /// Call it before other threads exist.
-EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, int& exit_code);
+/// checkpoint: what all of them are to evaluate, whatever its run writes meanwhile; null: a baseline.
+EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arguments, const CheckpointBytes* checkpoint, int& exit_code);
 
 /// Option that names the folder for a worker's result.
 inline constexpr const char* kPartFolderOption = "--part-folder";
@@ -28,6 +29,8 @@ class EvaluationWorker {
   ~EvaluationWorker();
   EvaluationWorker(const EvaluationWorker&) = delete;
   EvaluationWorker& operator=(const EvaluationWorker&) = delete;
+  /// What evaluate_with_workers() was given.  Throws InputError.
+  [[nodiscard]] CheckpointBytes checkpoint() const;
   /// num_episodes: of all workers.
   void prepare(EvaluationConfig& evaluation, std::size_t num_episodes);
   /// Leaves the result for the process that started the workers.

@@ -10,7 +10,9 @@
 
 #include "envs/baselines/baselines.h"
 #include "envs/episodes/episode_set.h"
+#include "evaluation/results/policy_process.h"
 #include "evaluation/results/result.h"
+#include "trainer/checkpoint/checkpoint_bytes.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
@@ -41,8 +43,13 @@ struct EvaluationConfig {
 std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& evaluation, std::string* whole = nullptr);
 
 /// Runs a checkpoint (by its own config, scenes and sounds from the set) on every episode.  Same inputs, same bits.
+EvaluationResult evaluate_checkpoint(const CheckpointBytes& checkpoint, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides);
 EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation,
                                      const std::vector<std::string>& overrides);
+/// Runs a policy of others, in its process, in evaluation.env: the bits of evaluate_checkpoint().  name: of the agent.  Throws InputError
+/// as PolicyProcess does.
+EvaluationResult evaluate_apart(PolicyProcess& policy, const std::string& name, const EvaluationConfig& evaluation);
 /// Runs a baseline under the env of `config`.
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation);
 

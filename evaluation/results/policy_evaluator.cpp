@@ -5,6 +5,7 @@
 #include "evaluation/results/episode_loop.h"
 #include "evaluation/results/evaluator.h"
 #include "policy/torch_threads.h"
+#include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/rollout/actor.h"
@@ -12,14 +13,15 @@
 
 namespace earshot {
 
-EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const EvaluationConfig& evaluation,
+EvaluationResult evaluate_checkpoint(const CheckpointBytes& file, const EvaluationConfig& evaluation,
                                      const std::vector<std::string>& overrides) {
   use_one_torch_thread();
-  const Checkpoint checkpoint = load_checkpoint(path);
-  const RunConfig config = config_of_checkpoint(checkpoint, path.string(), overrides);
+  const std::string where = file.path.string();
+  const Checkpoint checkpoint = decode_checkpoint(file.bytes, where);
+  const RunConfig config = config_of_checkpoint(checkpoint, where, overrides);
   const EnvConfig& env_config = evaluation.env ? *evaluation.env : config.env;
   ActorCritic policy(env_config.observation, config.policy);
-  load_weights(policy, checkpoint, path.string());
+  load_weights(policy, checkpoint, where);
   policy->eval();
 
   std::optional<Actor> actor;
@@ -41,6 +43,22 @@ EvaluationResult evaluate_checkpoint(const std::filesystem::path& path, const Ev
 
   result.toolchain = this_toolchain();
   result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));
+  return result;
+}
+
+EvaluationResult evaluate_checkpoint(const std::filesystem::path& checkpoint, const EvaluationConfig& evaluation,
+                                     const std::vector<std::string>& overrides) {
+  return evaluate_checkpoint(read_checkpoint(checkpoint), evaluation, overrides);
+}
+
+EvaluationResult evaluate_apart(PolicyProcess& policy, const std::string& name, const EvaluationConfig& evaluation) {
+  EARSHOT_EXPECT(evaluation.env && evaluation.actions);
+  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
+    policy.act(env, *evaluation.actions, evaluation.seed, actions);
+  };
+  EvaluationResult result = run_episodes(*evaluation.env, evaluation, name, act, [&](const BatchedEnv& env) { policy.advance(env); });
+  result.toolchain = this_toolchain();
+  result.policy_hash = policy.policy_hash();
   return result;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a benchmark lets a policy sense, and what a submission may do to the machine that evaluates it, through the commands.
 
+#include "tests/support/programs/board_rules_cli.h"
+
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,7 +16,6 @@
 #include "envs/episodes/gzip.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "sim/base/files.h"
-#include "tests/support/programs/board_cli.h"
 
 namespace earshot {
 namespace {
@@ -22,27 +23,6 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
-
-/// A benchmark of the tiny room, with policies that are trained for seconds.
-class BoardRulesCli : public BoardCli {
- protected:
-  BoardRulesCli() {
-    make_episodes(3);
-    const RunConfig config = load_run_config(path("tiny.yaml"), {});
-    write_text(path("board.yaml"),
-               fmt::format("benchmark:\n  name: room\n  version: 1\n  set_hash: \"{}\"\n  rules_hash: \"{}\"\n  senses_hash: \"{}\"\n",
-                           hex64(load_episode_set(path("eval.json.gz")).hash), hash_of_rules(metric_rules(config.env, config.eval_envs)),
-                           hash_of_senses(sensed_config(config.env), default_tracks())) +
-                   read_file(path("tiny.yaml")));
-  }
-  /// Trains a policy with these keys, and exports it.
-  std::string policy(const std::string& name, const std::string& keys) const {
-    expect_done("train " + path("tiny.yaml") + " out=" + path(name) + " name=" + name + " " + keys);
-    expect_done("policy " + path(name) + " --out " + path(name + ".policy"));
-    return path(name + ".policy");
-  }
-  [[nodiscard]] std::string board() const { return " --benchmark " + path("board.yaml"); }
-};
 
 TEST_F(BoardRulesCli, WhoReadsTheGoalIsRefusedOrShownApart) {
   const std::string ears = policy("ears", "");

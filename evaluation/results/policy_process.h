@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "envs/batch/batched_env.h"
+#include "trainer/checkpoint/checkpoint_bytes.h"
+#include "trainer/run/run_config.h"
+
+namespace earshot {
+
+/// What the process of a policy may take.
+struct PolicyLimits {
+  std::uint64_t memory_bytes = std::uint64_t{4} << 30;  ///< beyond what libtorch takes
+  std::chrono::seconds cpu{86'400};                     ///< in all
+  std::chrono::seconds answer{120};                     ///< wall time until it is loaded, and for each step of the batch
+};
+
+/// A policy that others have written, run in a process of its own.  This process reads only what comes back: a config of at most 1 MB, and
+/// an action for each environment.  That process has an empty folder, which goes with it, no core, no file to write, and the limits above;
+/// under Linux with Landlock it can open no file at all, so that neither the private set nor the results of others are within its reach.
+/// Same inputs, same actions as in one process.
+class PolicyProcess {
+ public:
+  /// Starts the process and loads the policy.  Throws InputError that names the policy's file: it is refused, crashes, or meets a limit;
+  /// RunError: the process cannot be started.
+  PolicyProcess(const CheckpointBytes& policy, const PolicyLimits& limits);
+  ~PolicyProcess();
+  PolicyProcess(const PolicyProcess&) = delete;
+  PolicyProcess& operator=(const PolicyProcess&) = delete;
+
+  [[nodiscard]] const std::string& config_yaml() const;  ///< what the policy says its config is
+  [[nodiscard]] const std::string& policy_hash() const;  ///< of its weights and architecture, 16 hexadecimal digits
+  [[nodiscard]] bool has_files() const;                  ///< the kernel could not take from it the right to open files
+
+  /// An action for each environment of the batch, for its current observations.  The first call builds the network for the sensors of the
+  /// batch.  Throws InputError as the constructor, and where the weights do not fit or give no finite numbers.
+  void act(const BatchedEnv& env, ActionChoice choice, std::uint64_t seed, std::span<std::int32_t> actions);
+  /// Notes which episodes have ended; called behind each step of the batch.
+  void advance(const BatchedEnv& env);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Word by which a program is told to be the process of a policy, and what its main does then.
+inline constexpr const char* kPolicyProcessWord = "policy-process";
+int serve_policy(int argc, char** argv);
+
+/// What travels: a request and its answer, or a refusal.
+enum class PolicyMessage : std::uint64_t {
+  load = 1,     ///< the file's name, a zero, the file; answered by JSON {config, policy_hash, has_files}
+  begin = 2,    ///< JSON {env, rows, argmax, seed, sensors [{name, type, shape}]}; answered by nothing
+  step = 3,     ///< PolicyRow for each row, then the rows of each sensor; answered by an int32 for each row
+  answer = 10,  ///<
+  refusal = 11  ///< one line
+};
+struct PolicyRow {
+  std::uint32_t episode = 0, step = 0, has_ended = 0;
+};
+
+}  // namespace earshot

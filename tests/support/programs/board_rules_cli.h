@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+
+#include "envs/episodes/episode_set.h"
+#include "evaluation/leaderboard/benchmark.h"
+#include "sim/base/files.h"
+#include "tests/support/programs/board_cli.h"
+
+namespace earshot {
+
+/// A benchmark of the tiny room, with policies that are trained for seconds.
+class BoardRulesCli : public BoardCli {
+ protected:
+  BoardRulesCli() {
+    make_episodes(3);
+    const RunConfig config = load_run_config(path("tiny.yaml"), {});
+    write_text(path("board.yaml"),
+               fmt::format("benchmark:\n  name: room\n  version: 1\n  set_hash: \"{}\"\n  rules_hash: \"{}\"\n  senses_hash: \"{}\"\n",
+                           hex64(load_episode_set(path("eval.json.gz")).hash), hash_of_rules(metric_rules(config.env, config.eval_envs)),
+                           hash_of_senses(sensed_config(config.env), default_tracks())) +
+                   read_file(path("tiny.yaml")));
+  }
+  /// Trains a policy with these keys, and exports it.
+  std::string policy(const std::string& name, const std::string& keys) const {
+    expect_done("train " + path("tiny.yaml") + " out=" + path(name) + " name=" + name + " " + keys);
+    expect_done("policy " + path(name) + " --out " + path(name + ".policy"));
+    return path(name + ".policy");
+  }
+  [[nodiscard]] std::string board() const { return " --benchmark " + path("board.yaml"); }
+};
+
+}  // namespace earshot

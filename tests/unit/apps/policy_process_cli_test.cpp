@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// A policy that others have written, in a process of its own.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <msgpack.hpp>
+#include <string>
+
+#include "sim/base/files.h"
+#include "sim/base/random.h"
+#include "tests/support/programs/background_program.h"
+#include "tests/support/programs/board_rules_cli.h"
+#include "tests/support/wait_for_flag.h"
+#include "trainer/checkpoint/checkpoint_format.h"
+
+namespace earshot {
+namespace {
+
+using testing::AllOf;
+using testing::AnyOf;
+using testing::HasSubstr;
+
+class PolicyProcessCli : public BoardRulesCli {
+ protected:
+  /// The same file with another text in its config, and a hash that fits.
+  void write_with_config(const std::string& file, const std::string& from, const std::string& to, const std::string& out) const {
+    const std::string bytes = read_file(file);
+    const msgpack::object_handle body = unpack_checkpoint(bytes, file);
+    msgpack::sbuffer buffer;
+    msgpack::packer packer(buffer);
+    packer.pack_map(body->via.map.size);
+    for (const auto& [key, value] : std::span(body->via.map.ptr, body->via.map.size)) {
+      packer.pack(key);
+      std::string text;
+      if (key.as<std::string>() == "config_yaml") text = value.as<std::string>();
+      const std::size_t at = text.find(from);
+      if (text.empty()) {
+        packer.pack(value);
+        continue;
+      }
+      ASSERT_NE(at, std::string::npos) << text;
+      packer.pack(text.replace(at, from.size(), to));
+    }
+    const std::string packed(buffer.data(), buffer.size());
+    const std::uint64_t length = packed.size(), hash = hash64(packed);
+    std::string head = bytes.substr(0, kCheckpointHeaderBytes);
+    std::memcpy(head.data() + head.size() - sizeof length, &length, sizeof length);
+    write_text(out, head + packed + std::string(reinterpret_cast<const char*>(&hash), sizeof hash));
+  }
+  /// Of the process of the policy that a running evaluation has started; 0: none.
+  static pid_t policy_process_of(pid_t parent) {
+    for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+      std::ifstream line(entry.path() / "cmdline");
+      const std::string words{std::istreambuf_iterator<char>(line), {}};
+      if (words.find("policy-process") != std::string::npos &&
+          words.find(std::string(1, '\0') + std::to_string(parent) + '\0') != std::string::npos)
+        return static_cast<pid_t>(std::stol(entry.path().filename()));
+    }
+    return 0;
+  }
+};
+
+TEST_F(PolicyProcessCli, HonestPoliciesHaveTheBitsOfOneProcess) {
+  const std::string file = policy("ears", "");
+  for (const char* choice : {" --argmax", " --sample"}) {
+    expect_done("eval " + file + board() + choice + " --out " + path("apart.json"));
+    expect_done("eval " + file + board() + choice + " --workers 2 --out " + path("workers.json"));
+    expect_done("eval " + file + " --episodes " + path("eval.json.gz") + choice + " --out " + path("here.json"));
+    const auto here = json_of("here.json"), apart = json_of("apart.json");
+    for (const char* key : {"episodes", "policy_hash", "summary", "rules", "senses", "toolchain"}) EXPECT_EQ(here[key], apart[key]) << key;
+    EXPECT_EQ(json_of("workers.json")["checksum"], apart["checksum"]);
+  }
+}
+
+TEST_F(PolicyProcessCli, TooMuchMemoryIsRefusedInOneLine) {
+  const std::string file = policy("ears", "");
+  expect_refused("eval " + file + board() + " --policy-memory-gb 0.001 --out " + path("none.json"),
+                 AnyOf(HasSubstr("needs more than 1 MB of memory"), HasSubstr("ends its process")));
+  // A network of 2 kB that says it is one of terabytes, or gigabytes.
+  for (const char* width : {"100000000", "2000000"}) {
+    write_with_config(file, "visual_features: 8", fmt::format("visual_features: {}", width), path("large.policy"));
+    const std::string said = bash("ulimit -v 12000000; timeout 300 " + earshot_program().string() + " eval " + path("large.policy") +
+                                  board() + " --policy-memory-gb 0.5 --out " + path("none.json") + "; echo code $?");
+    EXPECT_THAT(said, AllOf(HasSubstr("large.policy"), HasSubstr("code 2\n"))) << said;
+    EXPECT_LE(std::ranges::count(said, '\n'), 3) << said;
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("none.json")));
+}
+
+TEST_F(PolicyProcessCli, APolicyThatDoesNotAnswerIsEnded) {
+  const std::string file = policy("ears", "");
+  BackgroundProgram evaluation({"eval", file, "--benchmark", path("board.yaml"), "--policy-seconds", "20", "--out", path("none.json")},
+                               path("said"));
+  pid_t process = 0;
+  ASSERT_TRUE(wait_until([&] { return (process = policy_process_of(evaluation.pid())) != 0; }));
+  ::kill(process, SIGSTOP);
+  EXPECT_EQ(evaluation.wait(), 2);
+  EXPECT_THAT(evaluation.text(), HasSubstr("did not answer within 20 s"));
+  EXPECT_FALSE(std::filesystem::exists(path("none.json")));
+  EXPECT_NE(::kill(process, 0), 0);
+}
+
+TEST_F(PolicyProcessCli, TruncatedAndDamagedPoliciesAreRefusedInOneLine) {
+  const std::string bytes = read_file(policy("ears", ""));
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    const RandomStream random(11, Purpose::test, i);
+    std::string damaged = bytes.substr(0, static_cast<std::size_t>(random.uniform(0) * static_cast<float>(bytes.size())));
+    if (i % 2 == 1) {
+      damaged = bytes;
+      damaged[static_cast<std::size_t>(random.uniform(1) * static_cast<float>(bytes.size() - 1))] ^= 0x40;
+    }
+    write_text(path("damaged.policy"), damaged);
+    expect_refused("eval " + path("damaged.policy") + board() + " --out " + path("none.json"), HasSubstr("damaged.policy: "));
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("none.json")));
+}
+
+}  // namespace
+}  // namespace earshot
