@@ -64,7 +64,7 @@ void check_apart(std::span<const OutputPath> outputs) {
   for (const OutputPath& output : outputs) {
     const auto [other, is_new] = placed.emplace(real_path(output.path), &output);
     if (!is_new)
-      throw InputError(shown(*other->second), fmt::format("is also {}: one would replace the other", shown(output)),
+      throw InputError(shown(*other->second), fmt::format("is also the place of {}: two outputs would replace each other", shown(output)),
                        "give each output a file of its own");
   }
   for (const auto& [path, output] : placed)

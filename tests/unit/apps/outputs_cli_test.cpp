@@ -151,16 +151,16 @@ TEST_F(OutputsCli, PlacesAreCheckedBeforeTheWorkOfEveryCommand) {
     for (std::size_t i = 1; i < outputs.size(); ++i)
       expect_refused(line_of(command) + others(options, {outputs[i - 1].name, outputs[i].name}) +
                          fmt::format(" {} {} {} {}", outputs[i - 1].name, file("new"), outputs[i].name, file("link/folder/../new")),
-                     "one would replace the other");
+                     "two outputs would replace each other");
   }
 }
 
 // What several responses are named by, and what is found only in the files that are read.
 TEST_F(OutputsCli, NamesThatACommandMakesAreCheckedToo) {
   const std::string rir = "rir shoebox:4x3x3 --source 1,1,1 --source 2,1,1 --listener 3,1,2 --out " + file("a.wav");
-  expect_refused(rir + " --metrics " + file("a.s1.l0.wav"), "one would replace the other");
-  expect_refused(rir + " --plot x.svg --metrics " + file("a.s0.l0.svg"), "one would replace the other");
-  expect_refused(rir + " --components --metrics " + file("a.s1.l0.late.wav"), "one would replace the other");
+  expect_refused(rir + " --metrics " + file("a.s1.l0.wav"), "two outputs would replace each other");
+  expect_refused(rir + " --plot x.svg --metrics " + file("a.s0.l0.svg"), "two outputs would replace each other");
+  expect_refused(rir + " --components --metrics " + file("a.s1.l0.late.wav"), "two outputs would replace each other");
   std::filesystem::create_directory(file("folder") + "/speech");
   expect_refused("dataset convolve " + file("in") + " --speech " + file("folder") + " --out " + file("folder/speech/x"),
                  "reads as a whole");

@@ -66,7 +66,7 @@ TEST(OutputPaths, OnePlaceUnderTwoNamesIsFound) {
       };
       const std::string first = folder / (draw(0) + "/" + name), second = folder / (draw(1) + "/" + name);
       EXPECT_TRUE(is_same_place(first, second)) << first << " " << second;
-      EXPECT_THAT(refusal_of({{"--out", first}, {"--json", second}}), HasSubstr("one would replace the other"));
+      EXPECT_THAT(refusal_of({{"--out", first}, {"--json", second}}), HasSubstr("two outputs would replace each other"));
       EXPECT_THAT(refusal_of({{"--out", first}}, {{.option = "--episodes", .path = second}}),
                   HasSubstr("would replace what --episodes reads"));
       EXPECT_THAT(refusal_of({{"--out", first}, {"--json", second + ".other"}}), IsEmpty());
