@@ -12,7 +12,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
   in sim/audio     transforms <- dry_sounds <- measured <- head <- stream
   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines
-  in trainer       net <- launch <- collective <- learner <- rollout <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
+  in trainer       net <- launch <- collective <- learner <- rollout <- held_out <- checkpoint <- curves <- run; the first three use of the rest sim/base alone
   in evaluation    results <- leaderboard <- replay
   in bench         measure <- accuracy <- speed <- soak; questions is programs that nothing links
   in apps          options <- {sound, scene, dataset, reference, training, board, bench}
@@ -40,7 +40,7 @@ CHAINS = [
     ("sim/acoustics", "core geometry model paths tracers source_field response synthesis metrics accuracy", "sim/base sim/rays sim/scene sim/audio"),
     ("envs", "task episodes sensors scenes config hearing batch baselines", "sim"),
     ("trainer", "net launch collective", "sim/base"),
-    ("trainer", "net launch collective learner rollout checkpoint curves run", "sim envs policy"),
+    ("trainer", "net launch collective learner rollout held_out checkpoint curves run", "sim envs policy"),
     ("evaluation", "results leaderboard replay", "sim envs policy trainer"),
     ("bench", "measure accuracy speed soak", "sim envs"),
 ]

@@ -50,8 +50,11 @@ echo "== train"
 "$earshot" train "$config" "$@" out="$out" "${start[@]}"
 # Results are of one run: those of an earlier one go before they could be ranked beside the new.
 rm -f "$out"/result_{"$name",random,random_oracle_stop,greedy,classical,oracle}.json "$out/leaderboard.html" "$out"/replay_{best,median,worst}.html
+# A run that evaluates itself on data.held_out has chosen its best checkpoint by that.
+agent=$out
+if grep -q '"held_out/' "$out/events.jsonl"; then agent=$out/checkpoints/best.ckpt; fi
 echo "== evaluate"
-"$earshot" eval "$out" --out "$out/result_$name.json"
+"$earshot" eval "$agent" --out "$out/result_$name.json"
 for baseline in random random_oracle_stop greedy classical oracle; do
   "$earshot" eval "$baseline" --config "$config" "${sets[@]}" --out "$out/result_$baseline.json"
 done
@@ -64,7 +67,7 @@ for which in best median worst; do links+=(--link "replay_$which.html=replay: $w
 "$earshot" leaderboard "${results[@]}" --html "$out/leaderboard.html" "${links[@]}"
 echo "== replays"
 for which in best median worst; do
-  "$earshot" replay "$out/result_$name.json" --episode "$which" --policy "$out" --html "$out/replay_$which.html" \
+  "$earshot" replay "$out/result_$name.json" --episode "$which" --policy "$agent" --html "$out/replay_$which.html" \
     --link "leaderboard.html=leaderboard" "${links[@]}"
 done
 echo "pages: $out/leaderboard.html, $out/replay_best.html, $out/replay_median.html, $out/replay_worst.html"

@@ -2,6 +2,8 @@
 #include "earshot/train.h"
 
 #include "evaluation/results/evaluator.h"
+#include "evaluation/results/held_out_check.h"
+#include "evaluation/results/held_out_evaluation.h"
 #include "sim/base/errors.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
@@ -60,7 +62,9 @@ std::string run_config_text(const Config& run) { return earshot::config_text(rea
 std::pair<std::size_t, std::size_t> write_episode_sets(const Config& run) {
   const RunConfig config = read_run(run);
   const std::size_t train = generate_data(config.train, config.env).episodes.size();
-  return {train, generate_data(config.eval, config.env).episodes.size()};
+  const std::size_t eval = generate_data(config.eval, config.env).episodes.size();
+  if (!config.held_out_data.file.empty()) (void)generate_data(config.held_out_data, config.env);
+  return {train, eval};
 }
 
 TrainReport train(const Config& run, const TrainOptions& options) {
@@ -75,8 +79,10 @@ TrainReport train(const Config& run, const TrainOptions& options) {
   start.remake = "write_episode_sets()";
   const FieldDecision decided = decide_field(with_acoustics(asked, start), start.resume);
   start.note = decided.text;
+  check_held_out(decided.config, "write_episode_sets()", HeldOutCheck::all);
+  const std::unique_ptr<HeldOutEvaluator> held_out = make_held_out_evaluator(decided.config);
   const std::unique_ptr<Collective> worker = make_single_worker();
-  const earshot::TrainReport report = earshot::train(decided.config, *worker, start);
+  const earshot::TrainReport report = earshot::train(decided.config, *worker, start, {.held_out = held_out.get()});
   return {report.updates, report.env_steps, report.wall_s, report.steps_per_s, report.checkpoint};
 }
 

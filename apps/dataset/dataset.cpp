@@ -39,6 +39,7 @@ void run_dataset(const DatasetArguments& options) {
     check_outputs(sets, std::vector<InputPath>{{.option = "--config", .path = options.config}});
     generate(config.train, config.env);
     generate(config.eval, config.env);
+    if (!config.held_out_data.file.empty()) generate(config.held_out_data, config.env);
     return;
   }
   if (options.out.empty()) throw InputError("--out", "is missing", "name the file to write, for example --out episodes.json.gz");
@@ -86,7 +87,8 @@ void add_dataset(CLI::App& app) {
                    "Sounds that agents make for each other, in the form of --sounds (default: silent agents)")
       ->type_name("TEXT|DIR");
   episodes->add_option("--seed", options->seed, "Random seed")->capture_default_str();
-  episodes->add_option("--config", options->config, "Instead: write the sets data.train and data.eval of this run config");
+  episodes->add_option("--config", options->config,
+                       "Instead: write the sets data.train, data.eval and, if it is there, data.held_out of this run config");
   episodes->add_option("--set", options->overrides,
                        "Override a key of the run config: key=value, for example data.train.filter.min_geodesic_m=2; may be repeated");
   episodes->callback([options] { run_dataset(*options); });

@@ -5,6 +5,8 @@
 #include <memory>
 
 #include "apps/commands.h"
+#include "evaluation/results/held_out_check.h"
+#include "evaluation/results/held_out_evaluation.h"
 #include "sim/base/engine_hash.h"
 #include "sim/base/process/closed_pipe.h"
 #include "sim/base/process/exit_codes.h"
@@ -54,6 +56,24 @@ RunConfig with_acoustics(const RunConfig& config, const RunStart& start, bool is
   return plan_acoustics(config);
 }
 
+/// What a run that evaluates itself has found, with its line end; empty for others.
+std::string held_out_text(const RunConfig& config, const HeldOutState& state) {
+  if (!config.held_out.is_on()) return {};
+  if (state.best_update == 0)
+    return fmt::format("held out: no evaluation yet; they come every {} updates\n", config.held_out.every_updates);
+  const HeldOutEstimate& success = state.best.success;
+  const bool has_stopped = has_stopped_learning(config.held_out, state);
+  return fmt::format("held out: {} evaluations in {:.1f} min; best update {}, success {:.3f} [{:.3f}, {:.3f}], SPL {:.3f}{}\n",
+                     state.evaluations, state.seconds / 60, state.best_update, success.mean, success.low, success.high, state.best.spl.mean,
+                     has_stopped ? fmt::format("; ended: no better one in {}", state.since_best) : std::string());
+}
+
+std::string end_text(const RunConfig& config, const TrainReport& report) {
+  return fmt::format("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}{}checkpoint: {}\n", report.updates, report.env_steps,
+                     report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards),
+                     held_out_text(config, report.held_out), report.checkpoint.string());
+}
+
 int run_train(const TrainArguments& options, const std::vector<std::string>& arguments) {
   outlive_closed_pipes();
   // Everything that can be wrong with the input is found before a process is started.
@@ -93,6 +113,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   const FieldDecision decided = decide_field(with_acoustics(asked, start, is_worker, options.config), start.resume);
   const RunConfig& config = decided.config;
   start.note = decided.text;
+  check_held_out(config, start.remake, is_worker ? HeldOutCheck::names : HeldOutCheck::all);
 
   if (!is_worker && workers > 1) {
     prepare_run(config, start);
@@ -112,10 +133,9 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   const std::unique_ptr<Collective> collective = !is_worker     ? make_single_worker()
                                                  : options.join ? make_joining_worker(ring)
                                                                 : make_zmq_ring(ring);
-  const TrainReport report = train(config, *collective, start);
-  if (collective->identity().rank == 0)
-    fmt::print("{} updates, {} steps in {:.1f} min: {:.0f} steps/s\n{}checkpoint: {}\n", report.updates, report.env_steps,
-               report.wall_s / 60, report.steps_per_s, summary(report.counters, report.guards), report.checkpoint.string());
+  const std::unique_ptr<HeldOutEvaluator> held_out = make_held_out_evaluator(config);
+  const TrainReport report = train(config, *collective, start, {.held_out = held_out.get()});
+  if (collective->identity().rank == 0) fmt::print("{}", end_text(config, report));
   return exit_code_after(report.signal);
 }
 
@@ -157,6 +177,10 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
       "  env.quarantine_dir=FOLDER  one file per faulty episode, which 'earshot replay' runs again (default: `out`/quarantine)\n"
       "  checkpoint_every=50        updates between checkpoints; a full disk is reported and training continues\n"
       "  keep=3                     number of recent checkpoints to keep, in addition to best.ckpt and last.ckpt\n"
+      "Keys of CONFIG about evaluations while the run trains (off by default; they need data.held_out):\n"
+      "  held_out.every_updates=50  updates between evaluations on data.held_out; the best one is best.ckpt\n"
+      "  held_out.max_fraction=0.1     their largest part of all environment steps, with schedule: minutes of the wall time\n"
+      "  held_out.patience=5        end the run after so many evaluations in a row without a better one; 0: never\n"
       "All keys, curves and counters: docs/howto/training.md.  Several machines, srun, mpirun, torchrun and Kubernetes:\n"
       "docs/howto/hosts.md.");
   command->callback([options, &arguments, &exit_code] { exit_code = run_train(*options, arguments); });

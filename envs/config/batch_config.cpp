@@ -16,6 +16,7 @@ namespace {
 constexpr About kDataAbout("Episodes of the run.");
 constexpr About kTrainAbout("Episodes for training.");
 constexpr About kEvalAbout("Episodes for evaluation, which training does not see.");
+constexpr About kHeldOutAbout("Episodes for evaluations while the run trains (held_out), in other scenes than train and eval.");
 constexpr About kEpisodesAbout("Episodes of the environments: scenes and sounds, or a file.");
 
 template <class Config>
@@ -40,10 +41,11 @@ void read_env_section(ConfigReader& run, EnvConfig& env) {
   read_section(run, "env", env, "Environments: task, sensors, acoustics and where files are.");
 }
 
-void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval) {
+void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval, DataConfig& held_out) {
   ConfigReader data = run.child("data", kDataAbout);
   read_section(data, "train", train, kTrainAbout);
   read_section(data, "eval", eval, kEvalAbout);
+  read_section(data, "held_out", held_out, kHeldOutAbout);
   data.finish();
 }
 
@@ -78,7 +80,7 @@ BatchParts read_batch(const std::string& yaml, const std::string& where, const s
     if (!episodes) {
       ConfigReader data = reader.child("data", kDataAbout);
       if (!data.has(split)) data.fail(split, "is missing; it describes the episodes");
-      ConfigReader section = data.child(split, split == "train" ? kTrainAbout : kEvalAbout);
+      ConfigReader section = data.child(split, split == "train" ? kTrainAbout : split == "eval" ? kEvalAbout : kHeldOutAbout);
       read_episodes(section, keys);
     }
   } else {

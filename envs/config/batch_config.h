@@ -14,8 +14,8 @@ namespace earshot {
 
 /// Section `env` of a run config.  Throws as read(ConfigReader&, EnvConfig&), and for an unknown key.
 void read_env_section(ConfigReader& run, EnvConfig& env);
-/// Section `data` of a run config: `train` and `eval`.  Throws as read(ConfigReader&, DataConfig&), and for an unknown key.
-void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval);
+/// Section `data` of a run config: `train`, `eval` and `held_out`.  Throws as read(ConfigReader&, DataConfig&), and for an unknown key.
+void read_data_section(ConfigReader& run, DataConfig& train, DataConfig& eval, DataConfig& held_out);
 /// Defaults of data.train.  Training visits a scene thousands of times: ten goals teach it, and a source field made for each serves
 /// thousands of responses.  Evaluation asks about goals that were not seen, a new one in every episode.
 DataConfig training_data();

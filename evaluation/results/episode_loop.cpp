@@ -41,6 +41,7 @@ class PartOfEpisodes {
     for (std::int32_t i = 0; i < env_->num_envs(); ++i)
       if (begin_next(i)) live.push_back(i);
     while (!live.empty()) {
+      if (part_->on_step) part_->on_step();
       act(*env_, actions);
       live_actions.clear();
       for (const std::int32_t i : live) live_actions.push_back(actions[static_cast<std::size_t>(i)]);
@@ -101,9 +102,9 @@ EvaluationResult run_episodes(const EnvConfig& base, const EvaluationConfig& eva
   config.order = EpisodeOrder::once;
   config.threads = evaluation.threads;
   if (evaluation.part) config.autoreset = Autoreset::off;
-  const auto scenes = make_scene_cache(config);
+  const auto scenes = evaluation.scenes ? evaluation.scenes : make_scene_cache(config);
   const auto num_episodes = set->episodes.size();
-  const int num_envs = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(evaluation.num_envs), num_episodes));
+  const int num_envs = evaluation_batch(evaluation, num_episodes);
   BatchedEnv env(config, set, scenes, num_envs);
 
   result.agent = name;

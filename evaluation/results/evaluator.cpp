@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "evaluation/results/evaluator.h"
 
+#include <algorithm>
 #include <optional>
 #include <span>
 
@@ -11,6 +12,7 @@
 namespace earshot {
 
 std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& evaluation, std::string* whole) {
+  if (evaluation.set) return evaluation.set;
   EpisodeSet set = load_episode_set(evaluation.episodes);
   check_generator(
       set, evaluation.generator, evaluation.episodes,
@@ -21,6 +23,10 @@ std::shared_ptr<const EpisodeSet> load_evaluated_set(const EvaluationConfig& eva
     set.hash = episode_set_hash(set.episodes);
   }
   return std::make_shared<const EpisodeSet>(std::move(set));
+}
+
+int evaluation_batch(const EvaluationConfig& evaluation, std::size_t num_episodes) {
+  return static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(evaluation.num_envs), num_episodes));
 }
 
 EvaluationResult evaluate_baseline(Baseline baseline, const std::string& name, const EnvConfig& env, const EvaluationConfig& evaluation) {

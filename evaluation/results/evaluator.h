@@ -10,6 +10,7 @@
 
 #include "envs/baselines/baselines.h"
 #include "envs/episodes/episode_set.h"
+#include "envs/scenes/scene_cache.h"
 #include "evaluation/results/policy_process.h"
 #include "evaluation/results/result.h"
 #include "trainer/checkpoint/checkpoint_bytes.h"
@@ -22,6 +23,12 @@ namespace earshot {
 struct EvaluationPart {
   int part = 0, parts = 1;
   std::function<void(std::size_t done)> on_progress = {};  ///< called with the number of its episodes that have ended
+  std::function<void()> on_step = {};                      ///< called before each step; what it throws ends the evaluation
+
+  /// Of the episode with this number in the set, in batches of num_envs.
+  [[nodiscard]] bool has(std::size_t episode, int num_envs) const {
+    return episode / static_cast<std::size_t>(num_envs) % static_cast<std::size_t>(parts) == static_cast<std::size_t>(part);
+  }
 };
 
 struct EvaluationConfig {
@@ -36,7 +43,11 @@ struct EvaluationConfig {
   std::optional<EnvConfig> env = std::nullopt;
   /// Only these episodes, the rows of the others stay empty; without: all.
   std::optional<EvaluationPart> part = std::nullopt;
+  std::shared_ptr<const EpisodeSet> set = {};  ///< taken for what `episodes` names, and not read again; null: read
+  std::shared_ptr<SceneCache> scenes = {};     ///< of the env that is run, for callers that evaluate again; null: one for this evaluation
 };
+/// Environments of a batch that runs so many episodes.
+int evaluation_batch(const EvaluationConfig& evaluation, std::size_t num_episodes);
 
 /// The episodes to run: those of the set, or the first of them.  whole: becomes the hash of the set that they are the first of.  Throws
 /// InputError: no set, or one that was made from other keys.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "evaluation/results/policy_evaluator.h"
+
 #include <optional>
 #include <span>
 
@@ -13,6 +15,26 @@
 
 namespace earshot {
 
+EvaluationResult evaluate_policy(const ActorCritic& policy, const EnvConfig& env_config, ActionChoice actions,
+                                 const EvaluationConfig& evaluation, const std::string& name) {
+  std::optional<Actor> actor;
+  std::vector<ActingEnv> acting;
+  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> chosen) {
+    if (!actor) actor.emplace(policy, 0, env.num_envs());
+    const PolicyOutput& output = actor->observe(env);
+    if (actions == ActionChoice::argmax) {
+      greedy_actions(output.logits, chosen);
+      return;
+    }
+    // Keyed by the episode, not by the env that happens to run it.
+    acting.clear();
+    for (int i = 0; i < env.num_envs(); ++i)
+      acting.push_back({static_cast<std::uint32_t>(env.agent(i).episode_index), 0, static_cast<std::uint32_t>(env.agent(i).episode_step)});
+    sample_actions(output.logits, acting, evaluation.seed, chosen);
+  };
+  return run_episodes(env_config, evaluation, name, act, [&](const BatchedEnv& env) { actor->advance(env); });
+}
+
 EvaluationResult evaluate_checkpoint(const CheckpointBytes& file, const EvaluationConfig& evaluation,
                                      const std::vector<std::string>& overrides) {
   use_one_torch_thread();
@@ -24,23 +46,7 @@ EvaluationResult evaluate_checkpoint(const CheckpointBytes& file, const Evaluati
   load_weights(policy, checkpoint, where);
   policy->eval();
 
-  std::optional<Actor> actor;
-  std::vector<ActingEnv> acting;
-  const auto act = [&](BatchedEnv& env, std::span<std::int32_t> actions) {
-    if (!actor) actor.emplace(policy, 0, env.num_envs());
-    const PolicyOutput& output = actor->observe(env);
-    if (evaluation.actions.value_or(config.eval_actions) == ActionChoice::argmax) {
-      greedy_actions(output.logits, actions);
-      return;
-    }
-    // Keyed by the episode, not by the env that happens to run it.
-    acting.clear();
-    for (int i = 0; i < env.num_envs(); ++i)
-      acting.push_back({static_cast<std::uint32_t>(env.agent(i).episode_index), 0, static_cast<std::uint32_t>(env.agent(i).episode_step)});
-    sample_actions(output.logits, acting, evaluation.seed, actions);
-  };
-  EvaluationResult result = run_episodes(env_config, evaluation, config.name, act, [&](const BatchedEnv& env) { actor->advance(env); });
-
+  EvaluationResult result = evaluate_policy(policy, env_config, evaluation.actions.value_or(config.eval_actions), evaluation, config.name);
   result.toolchain = this_toolchain();
   result.policy_hash = hex64(hash_of(checkpoint.weights, hash64(checkpoint.architecture)));
   return result;

@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <limits>
 #include <map>
+#include <set>
 #include <string_view>
 #include <vector>
 
@@ -88,6 +89,15 @@ std::optional<SplitOverlap> find_overlap(std::span<const std::string> trained, s
 }  // namespace
 
 double geometry_overlap(const TriangleMesh& a, const TriangleMesh& b) { return overlap(cells_of(a), cells_of(b)); }
+
+std::vector<std::string> shared_scenes(std::span<const std::string> trained, std::span<const std::string> tested) {
+  std::set<std::string> known;
+  for (const std::string& scene : trained) known.insert(identity_of(scene));
+  std::vector<std::string> shared;
+  for (const std::string& scene : tested)
+    if (known.contains(identity_of(scene))) shared.push_back(scene);
+  return shared;
+}
 
 std::optional<SplitOverlap> find_scene_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
                                                const std::string& scene_root) {

@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "sim/scene/mesh/triangle_mesh.h"
 
@@ -22,6 +23,8 @@ double geometry_overlap(const TriangleMesh& a, const TriangleMesh& b);
 /// From here on two scenes count as near-duplicates.  Different generated houses have 0.1 and less in common.
 inline constexpr double kNearDuplicate = 0.5;
 
+/// Those of `tested` that `trained` names too: generated ones by their kind and seed, whatever their other settings.
+std::vector<std::string> shared_scenes(std::span<const std::string> trained, std::span<const std::string> tested);
 /// trained, tested: SCENEs without ranges.  Names first, then geometry.  Throws InputError if a scene cannot be loaded.
 std::optional<SplitOverlap> find_scene_overlap(std::span<const std::string> trained, std::span<const std::string> tested,
                                                const std::string& scene_root);

@@ -19,7 +19,8 @@ namespace earshot::api {
 /// @throws InputError for an unknown key or a value out of range; so do the functions below.
 std::string run_config_text(const Config& run);
 
-/// Draws the episodes of data.train and data.eval and writes their files.  Returns how many each has.
+/// Draws the episodes of data.train, data.eval and, where it names a file, data.held_out, and writes their files.  Returns how many the
+/// first two have.
 std::pair<std::size_t, std::size_t> write_episode_sets(const Config& run);
 
 /// How a training starts.

@@ -74,7 +74,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(20);
+  packer.pack_map(checkpoint.held_out ? 21 : 20);
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -101,6 +101,7 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   packer.pack("episode_window_fields").pack(checkpoint.episode_window_fields);
   packer.pack("members").pack(checkpoint.members);
   packer.pack("started_workers").pack(checkpoint.started_workers);
+  if (checkpoint.held_out) packer.pack("held_out").pack(encode_held_out(*checkpoint.held_out));
 }
 
 /// Adds the tensors to what CheckpointFields reads.

@@ -101,6 +101,11 @@ CheckpointMetadata CheckpointFields::metadata(const msgpack::object& body) const
   if (has(body, "elapsed_s")) metadata.elapsed_s = value<double>(body, "elapsed_s");
   if (!(metadata.elapsed_s >= 0 && metadata.elapsed_s < 1e12)) fail("elapsed_s", "is not a duration");
   metadata.mean_reward = value<double>(body, "mean_reward");
+  if (has(body, "held_out")) try {
+      metadata.held_out = decode_held_out(value<std::string>(body, "held_out"));
+    } catch (const RunError&) {
+      fail("held_out", "is not the state of evaluations");
+    }
   metadata.is_policy = items(field(body, "env_states"), "env_states").empty();
   return metadata;
 }

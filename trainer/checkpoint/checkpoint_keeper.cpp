@@ -8,7 +8,6 @@
 #include <system_error>
 
 #include "sim/base/errors.h"
-#include "trainer/checkpoint/find_checkpoint.h"
 
 namespace earshot {
 
@@ -17,22 +16,31 @@ CheckpointKeeper::CheckpointKeeper(RunFolder folder, int keep, std::uint64_t res
   outdated_best_ = true;
   try {
     const CheckpointMetadata best = load_checkpoint_metadata(folder_.best_checkpoint());
-    if (best.update > resumed_update || std::isnan(best.mean_reward)) return;
-    best_reward_ = best.mean_reward;
+    const bool was_evaluated = best.held_out && best.held_out->best_update == best.update;
+    if (best.update > resumed_update || (std::isnan(best.mean_reward) && !was_evaluated)) return;
+    if (!std::isnan(best.mean_reward)) best_reward_ = best.mean_reward;
     outdated_best_ = false;
   } catch (const InputError&) {  // damaged: replaced by the next one
   }
 }
 
-void CheckpointKeeper::saved(const std::filesystem::path& file, std::uint64_t update, double mean_reward, bool is_last) {
-  if (!std::isnan(mean_reward) && (!best_reward_ || mean_reward > *best_reward_)) {
+bool CheckpointKeeper::is_best(const CheckpointMetadata& what) const {
+  if (what.held_out) return what.held_out->best_update == what.update;
+  return !std::isnan(what.mean_reward) && (!best_reward_ || what.mean_reward > *best_reward_);
+}
+
+void CheckpointKeeper::saved(const std::filesystem::path& file, const CheckpointMetadata& what, bool is_last) {
+  if (is_best(what)) {
     name_best(file);
-    best_reward_ = mean_reward;
+    if (!std::isnan(what.mean_reward)) best_reward_ = what.mean_reward;
   } else if (outdated_best_) {
     std::filesystem::remove(folder_.best_checkpoint());
+    // The one that the evaluations before had found, where it is among those that stayed.
+    const std::uint64_t update = what.held_out ? what.held_out->best_update : 0;
+    if (update > 0 && std::filesystem::exists(folder_.checkpoint_of(update))) name_best(folder_.checkpoint_of(update));
   }
   outdated_best_ = false;
-  folder_.remove_surplus(update, keep_, is_last);
+  folder_.remove_surplus(what.update, keep_, is_last);
 }
 
 void CheckpointKeeper::name_best(const std::filesystem::path& file) const {

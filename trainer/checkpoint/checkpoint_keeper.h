@@ -5,24 +5,27 @@
 #include <filesystem>
 #include <optional>
 
+#include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
 
 namespace earshot {
 
 /// Bounds the checkpoints of one run: the `keep` newest periodic ones stay, the best, and that of the end.  One of rank 0.
 ///
-/// The best is the one with the highest mean reward per episode over the last episodes (about 200, EpisodeWindow) when it was saved.
-/// best.ckpt is another name of that file (a hard link, or a copy if the file system lacks links), so that it outlives the bound.
+/// The best is the one with the highest mean reward per episode over the last episodes (about 200, EpisodeWindow) when it was saved; of a
+/// run that evaluates itself the best_update of its HeldOutState.  best.ckpt is another name of that file (a hard link, or a copy if the
+/// file system lacks links), so that it outlives the bound.
 class CheckpointKeeper {
  public:
   /// resumed_update: of the checkpoint that the run goes on from, 0 for a new run; a best.ckpt of a later update does not count.
   CheckpointKeeper(RunFolder folder, int keep, std::uint64_t resumed_update);
 
-  /// Call once `file` is whole on disk: nothing is removed before.  mean_reward: NaN where no episode has finished.
-  /// Throws std::filesystem::filesystem_error.
-  void saved(const std::filesystem::path& file, std::uint64_t update, double mean_reward, bool is_last);
+  /// Call once `file`, a checkpoint of `what`, is whole on disk: nothing is removed before.  what.mean_reward: NaN where no episode has
+  /// finished.  Throws std::filesystem::filesystem_error.
+  void saved(const std::filesystem::path& file, const CheckpointMetadata& what, bool is_last);
 
  private:
+  [[nodiscard]] bool is_best(const CheckpointMetadata& what) const;
   void name_best(const std::filesystem::path& file) const;
 
   RunFolder folder_;

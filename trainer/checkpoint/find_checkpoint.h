@@ -3,7 +3,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
+
+#include "trainer/held_out/held_out_state.h"
 
 namespace earshot {
 
@@ -14,10 +17,11 @@ struct CheckpointMetadata {
   std::uint64_t update = 0, env_steps = 0;
   std::uint64_t seed = 0;
   int world_size = 1;
-  std::string engine, engine_commit;  ///< engine_hash() and engine_commit() of the program that wrote it
-  double elapsed_s = 0;               ///< wall seconds of training, over all sittings; 0 in files without this field
-  double mean_reward = 0;             ///< per episode, over the last episodes; NaN where none had finished
-  bool is_policy = false;             ///< the file holds no state of a training, so no run can resume from it
+  std::string engine, engine_commit;          ///< engine_hash() and engine_commit() of the program that wrote it
+  double elapsed_s = 0;                       ///< wall seconds of training, over all sittings; 0 in files without this field
+  double mean_reward = 0;                     ///< per episode, over the last episodes; NaN where none had finished
+  std::optional<HeldOutState> held_out = {};  ///< of a run that evaluates itself
+  bool is_policy = false;                     ///< the file holds no state of a training, so no run can resume from it
 };
 
 /// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does.

@@ -10,7 +10,7 @@ namespace earshot {
 
 /// The files that one run writes under its `out`:
 ///   checkpoints/update_NNNNNN.ckpt   one per `checkpoint_every` updates, of which the newest `keep` stay
-///   checkpoints/best.ckpt            of the highest mean reward so far
+///   checkpoints/best.ckpt            the best so far (checkpoint_keeper.h)
 ///   checkpoints/last.ckpt            of the end of the run
 /// run.lock                         holder of the lock while the run is under way (run_lock.h)
 ///   acoustics_HASH.yaml              what env.accuracy came to (planned_acoustics.h); stays when a run is overwritten

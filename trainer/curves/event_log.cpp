@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <limits>
@@ -77,13 +78,17 @@ ParsedLog parse_log(const std::filesystem::path& file) {
 
 }  // namespace
 
-EventLog::EventLog(const std::filesystem::path& folder, std::uint64_t resumed_update) : path_(folder / "events.jsonl") {
+bool is_of_held_out(const CurvePoint& point) { return !point.values.empty() && point.values.front().first.starts_with("held_out/"); }
+
+EventLog::EventLog(const std::filesystem::path& folder, std::uint64_t resumed_update, std::uint64_t evaluated_update)
+    : path_(folder / "events.jsonl") {
   std::string kept;
   std::uint64_t kept_steps = 0;
   if (std::filesystem::exists(path_) && resumed_update > 0) {
     const ParsedLog log = parse_log(path_);
     for (std::size_t i = 0; i < log.points.size(); ++i) {
-      if (log.points[i].update > resumed_update) continue;
+      const std::uint64_t last = is_of_held_out(log.points[i]) ? std::min(resumed_update, evaluated_update) : resumed_update;
+      if (log.points[i].update > last) continue;
       kept += log.lines[i];
       kept_steps = std::max(kept_steps, log.points[i].env_steps);
     }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -19,13 +20,21 @@ struct CurvePoint {
   std::vector<std::pair<std::string, double>> values;  ///< by name, in file order; NaN for a missing value (null in the file)
 };
 
+/// Whether the point is that of an evaluation on held-out episodes: a line of its own, behind that of its update.
+bool is_of_held_out(const CurvePoint& point);
+
+/// Of a resumed run that keeps every evaluation in its curve.
+inline constexpr std::uint64_t kAllEvaluations = std::numeric_limits<std::uint64_t>::max();
+
 /// The training curves of one run, in its folder: events.jsonl, one line {"update", "env_steps", "wall_s", "values": {name: number or
 /// null}} per point, and the same values as TensorBoard scalars over env_steps.  Each line is one write, so a crash can tear only the last.
 class EventLog {
  public:
-  /// Creates the folder.  Points after `resumed_update` are of a future that a resumed run makes anew: they are cut off (0: a fresh curve).
-  /// Throws InputError if events.jsonl exists and is not an event log, RunError if it cannot be written.
-  explicit EventLog(const std::filesystem::path& folder, std::uint64_t resumed_update = 0);
+  /// Creates the folder.  Points after `resumed_update` are of a future that a resumed run makes anew: they are cut off (0: a fresh curve);
+  /// so are evaluations after `evaluated_update`.  Throws InputError if events.jsonl exists and is not an event log, RunError if it cannot
+  /// be written.
+  explicit EventLog(const std::filesystem::path& folder, std::uint64_t resumed_update = 0,
+                    std::uint64_t evaluated_update = kAllEvaluations);
   ~EventLog();
   EventLog(const EventLog&) = delete;
   EventLog& operator=(const EventLog&) = delete;

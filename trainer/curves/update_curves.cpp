@@ -43,4 +43,24 @@ std::vector<std::pair<std::string, double>> update_curves(const EpisodeSums& rec
   return values;
 }
 
+std::vector<std::pair<std::string, double>> held_out_curves(const HeldOutScores& scores, const HeldOutState& state, double elapsed_s) {
+  std::vector<std::pair<std::string, double>> values;
+  const auto add = [&](const std::string& name, const HeldOutEstimate& estimate) {
+    values.emplace_back("held_out/" + name, estimate.mean);
+    values.emplace_back("held_out/" + name + "_low", estimate.low);
+    values.emplace_back("held_out/" + name + "_high", estimate.high);
+  };
+  add("argmax_success", scores.argmax.success);
+  add("argmax_spl", scores.argmax.spl);
+  add("sample_success", scores.sample.success);
+  add("sample_spl", scores.sample.spl);
+  values.emplace_back("held_out/best_update", static_cast<double>(state.best_update));
+  values.emplace_back("held_out/best_success", state.best.success.mean);
+  values.emplace_back("held_out/since_best", static_cast<double>(state.since_best));
+  values.emplace_back("held_out/env_steps", static_cast<double>(scores.env_steps));
+  values.emplace_back("held_out/evaluate_s", scores.seconds);
+  values.emplace_back("held_out/time_fraction", elapsed_s > 0 ? state.seconds / elapsed_s : 0);
+  return values;
+}
+
 }  // namespace earshot

@@ -72,7 +72,7 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
   // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 24> free{"name",
+  constexpr std::array<std::string_view, 26> free{"name",
                                                   "metrics_file",
                                                   "network",
                                                   "out",
@@ -82,6 +82,8 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
                                                   "keep",
                                                   "eval_envs",
                                                   "data.eval",
+                                                  "held_out",
+                                                  "data.held_out",
                                                   "env.threads",
                                                   "env.prefetch",
                                                   "env.acoustics.threads",
@@ -107,10 +109,15 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
 std::string common_settings(const RunConfig& config) {
   // Free for a run that goes on, but not within one: they say when all workers make which calls.
   constexpr std::array<std::string_view, 4> bound{"total_steps", "max_minutes", "checkpoint_every", "ppo.roll_backs"};
+  const auto is_bound = [&](const std::string& key) {
+    if (config.held_out.is_on() && (lies_in(key, "held_out") || key == "eval_envs" || key == "eval_actions")) return true;
+    return std::ranges::find(bound, key) != bound.end() || !is_free_to_change(key, config);
+  };
   std::string lines;
   for (const auto& [key, value] : flat_config(config_text(config)))
-    if (std::ranges::find(bound, key) != bound.end() || !is_free_to_change(key, config)) lines += fmt::format("{}={}\n", key, value);
+    if (is_bound(key)) lines += fmt::format("{}={}\n", key, value);
   if (!config.train.file.empty()) lines += fmt::format("training set={}\n", hex64(hash64(read_file(config.train.file))));
+  if (config.held_out.is_on()) lines += fmt::format("held-out set={}\n", hex64(hash64(read_file(config.held_out_data.file))));
   return lines;
 }
 

@@ -64,6 +64,11 @@ std::string describe_policy(const Checkpoint& checkpoint, const std::string& whe
   text += fmt::format("  trained       {} steps, {} updates, {:.1f} min, seed {}, {} worker{}\n", checkpoint.env_steps, checkpoint.update,
                       checkpoint.elapsed_s / 60, checkpoint.seed, checkpoint.world_size, checkpoint.world_size == 1 ? "" : "s");
   if (std::isfinite(checkpoint.mean_reward)) text += fmt::format("  mean reward   {:.2f} per training episode\n", checkpoint.mean_reward);
+  if (checkpoint.held_out && checkpoint.held_out->best_update == checkpoint.update && checkpoint.update > 0) {
+    const HeldOutScore& best = checkpoint.held_out->best;
+    text += fmt::format("  held out      success {:.3f} [{:.3f}, {:.3f}], SPL {:.3f}: the best of {} evaluations so far\n",
+                        best.success.mean, best.success.low, best.success.high, best.spl.mean, checkpoint.held_out->evaluations);
+  }
   return text + fmt::format("  engine        {} (commit {})\n", checkpoint.engine, checkpoint.engine_commit);
 }
 

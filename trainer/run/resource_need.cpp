@@ -46,7 +46,8 @@ std::string largest_part(const RunConfig& config, const ResourceNeed& need) {
 }  // namespace
 
 ResourceNeed resource_need(const RunConfig& config, int processes) {
-  const double envs = config.envs_per_worker, steps = config.rollout_steps, hidden = config.policy.hidden_size;
+  const double envs = config.envs_per_worker, held_out = config.held_out.is_on() ? config.eval_envs : 0, steps = config.rollout_steps,
+               hidden = config.policy.hidden_size;
   const double features = static_cast<double>(config.policy.visual_features) + config.policy.audio_features;
   const double rate = static_cast<double>(config.env.acoustics.sample_rate_hz);
   const ObservationSpec sensors = training_sensors(config);
@@ -54,7 +55,7 @@ ResourceNeed resource_need(const RunConfig& config, int processes) {
   need.processes = processes;
   need.program_bytes = kProgramBytes;
   const double response = sensors.hears() ? 2 * sizeof(float) * rate * static_cast<double>(config.env.acoustics.rir_length_s) : 0;
-  need.environment_bytes = envs * (row_bytes(sensors, static_cast<int>(kStepSeconds * rate)) + response);
+  need.environment_bytes = (envs + held_out) * (row_bytes(sensors, static_cast<int>(kStepSeconds * rate)) + response);
   need.rollout_bytes = envs * (steps * (row_bytes(sensors, 1) + kSlabs * sizeof(float)) + hidden * sizeof(float));
   need.learner_bytes = kCopiesOfWeights * sizeof(float) * 3 * hidden * (hidden + features);  // of a GRU
   return need;

@@ -20,8 +20,9 @@ void read_sections(ConfigReader& reader, RunConfig& config) {
   section("policy", config.policy, "Network of the policy.");
   section("ppo", config.ppo, "Learner: proximal policy optimization with synchronous workers (DD-PPO).");
   section("guidance", config.guidance, "Labels of the simulator that training uses beside rewards; none in evaluation.");
+  section("held_out", config.held_out, "Evaluations on data.held_out while the run trains, which choose best.ckpt.");
   section("network", config.network, "Connections between workers, needed only for several hosts.");
-  read_data_section(reader, config.train, config.eval);
+  read_data_section(reader, config.train, config.eval, config.held_out_data);
 }
 
 void read_name(ConfigReader& reader, RunConfig& config) { reader.read("name", config.name, "Name of the run."); }
@@ -79,6 +80,9 @@ RunConfig read_run(ConfigReader reader) {
   validate(config.policy);
   validate(config.ppo);
   validate(config.guidance);
+  validate(config.held_out);
+  require(!config.held_out.is_on() || !config.held_out_data.file.empty(), "held_out.every_updates", config.held_out.every_updates,
+          "needs data.held_out with a file: episodes in scenes that data.train does not have");
   validate(config.network);
   require(config.guidance.goal == 0 || config.policy.goal_heads, "guidance.goal", config.guidance.goal,
           "has no effect without policy.goal_heads, which predict the goal");

@@ -8,6 +8,7 @@
 #include "envs/batch/batched_env.h"
 #include "envs/config/batch_config.h"
 #include "policy/policy_config.h"
+#include "trainer/held_out/held_out_config.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/ppo_config.h"
 #include "trainer/net/ring_config.h"
@@ -21,8 +22,8 @@ enum class Schedule { steps, minutes };
 /// Action selection of an evaluated policy: drawn from its distribution, or the likeliest.
 enum class ActionChoice { sample, argmax };
 
-/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, network, data (train, eval); the other keys are
-/// below.
+/// One training run as its YAML file says it.  Sections: env, policy, ppo, guidance, held_out, network, data (train, eval, held_out); the
+/// other keys are below.
 struct RunConfig {
   std::string name = "run";
   std::string out = "runs/run";  ///< checkpoints, curves and results go here
@@ -45,8 +46,10 @@ struct RunConfig {
   PolicyConfig policy;
   PpoConfig ppo;
   GuidanceConfig guidance;
+  HeldOutConfig held_out;
   NetworkConfig network;
   DataConfig train = training_data(), eval;
+  DataConfig held_out_data;  ///< data.held_out: neither trained on nor those of the final evaluation
 };
 
 /// Sensors of the environments of a training: the sensors of the config, and the privileged ones that its losses read.

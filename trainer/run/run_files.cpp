@@ -47,18 +47,22 @@ RunFolder without_temporaries(const RunConfig& config) {
 
 }  // namespace
 
-RunFiles::RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience, Write write)
+RunFiles::RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience, Write write, std::uint64_t evaluated_update)
     : config_(config),
       patience_(patience),
       write_(std::move(write)),
       folder_(without_temporaries(config)),
-      events_(config.out, update),
+      events_(config.out, update, evaluated_update),
       checkpoints_(folder_, config.keep, update),
       saved_update_(update) {}
 
 std::uint64_t RunFiles::write_point(const CurvePoint& point) {
   std::uint64_t failed = failures_of([&] { events_.write(point); });
-  if (!config_.metrics_file.empty()) failed += failures_of([&] { write_metrics_file(config_.metrics_file, point, config_.name); });
+  if (config_.metrics_file.empty()) return failed;
+  (is_of_held_out(point) ? last_evaluation_ : last_update_) = point;
+  CurvePoint both = last_update_;  // the file holds all there is to know now
+  both.values.insert(both.values.end(), last_evaluation_.values.begin(), last_evaluation_.values.end());
+  failed += failures_of([&] { write_metrics_file(config_.metrics_file, both, config_.name); });
   return failed;
 }
 
@@ -68,7 +72,7 @@ std::filesystem::path RunFiles::checkpoint_of(std::uint64_t update, bool is_last
 
 std::uint64_t RunFiles::write_beside(const std::filesystem::path& file, const Checkpoint& checkpoint, bool is_whole, bool is_last) {
   std::uint64_t failed = is_whole ? 0 : 1;
-  if (is_whole) failed += failures_of([&] { checkpoints_.saved(file, checkpoint.update, checkpoint.mean_reward, is_last); });
+  if (is_whole) failed += failures_of([&] { checkpoints_.saved(file, checkpoint, is_last); });
   failed += failures_of([&] { write_file_atomically(folder_.curve(), curve_svg(config_.name, read_event_log(folder_.event_log()))); });
   return failed;
 }

@@ -30,8 +30,9 @@ class RunFiles {
   using Write = std::function<void(const Checkpoint& checkpoint, const std::filesystem::path& file)>;
 
   /// Removes what an earlier run has left half-written.  update: of the checkpoint or the state that the run goes on from, 0 for a new run.
-  /// write: function that writes a checkpoint, for tests.
-  RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience = {}, Write write = save_checkpoint);
+  /// write: function that writes a checkpoint, for tests.  evaluated_update: of the last evaluation of that state.
+  RunFiles(const RunConfig& config, std::uint64_t update, DiskPatience patience = {}, Write write = save_checkpoint,
+           std::uint64_t evaluated_update = kAllEvaluations);
 
   [[nodiscard]] std::uint64_t write_point(const CurvePoint& point);
   [[nodiscard]] std::filesystem::path checkpoint_of(std::uint64_t update, bool is_last) const;
@@ -58,6 +59,7 @@ class RunFiles {
   const Write write_;
   const RunFolder folder_;
   EventLog events_;
+  CurvePoint last_update_, last_evaluation_;  ///< of the points that were written
   CheckpointKeeper checkpoints_;
   std::uint64_t saved_update_, failed_before_ = 0;  ///< the second: found by owes_checkpoint(), not returned yet
   bool owes_checkpoint_ = false;

@@ -18,19 +18,25 @@ void RunProgress::go_back(std::uint64_t update, std::uint64_t env_steps) {
   has_rollout_ = true;
 }
 
-bool RunProgress::agree_on_end(Collective& collective) {
+bool RunProgress::agree_on_end(Collective& collective, HeldOutVote vote) {
   // One worker's clock or signal must stop all at the same update: the sum of stop votes decides.
   const bool is_first = collective.identity().rank == 0;
-  const bool is_done =
-      position_.env_steps >= config_.total_steps || (is_first && config_.max_minutes > 0 && bounded_s() >= config_.max_minutes * 60);
+  const bool is_out_of_time = is_first && config_.max_minutes > 0 && bounded_s() >= config_.max_minutes * 60;
+  const bool is_done = position_.env_steps >= config_.total_steps || is_out_of_time || (is_first && vote.has_stopped);
+  const bool evaluates = is_first && vote.evaluates && !is_out_of_time;
   const int signal = StopSignals::signal();
-  std::array<double, 5> votes{is_done ? 1.0 : 0.0, is_first ? own_fraction() : 0.0, collective.has_joiners() ? 1.0 : 0.0,
-                              signal == SIGINT ? 1.0 : 0.0, signal != 0 && signal != SIGINT ? 1.0 : 0.0};
+  std::array<double, 6> votes{is_done ? 1.0 : 0.0,
+                              is_first ? own_fraction() : 0.0,
+                              collective.has_joiners() ? 1.0 : 0.0,
+                              signal == SIGINT ? 1.0 : 0.0,
+                              signal != 0 && signal != SIGINT ? 1.0 : 0.0,
+                              evaluates ? 1.0 : 0.0};
   collective.all_reduce_sum(std::span<double>(votes));
   fraction_ = votes[1];
   has_joiners_ = votes[2] > 0;
+  evaluates_ = votes[5] > 0 && votes[3] + votes[4] == 0;
   end_signal_ = votes[0] > 0 ? 0 : votes[4] > 0 ? SIGTERM : votes[3] > 0 ? SIGINT : 0;
-  return votes[0] > 0 || end_signal_ != 0;
+  return !evaluates_ && (votes[0] > 0 || end_signal_ != 0);
 }
 
 double RunProgress::complete_update(std::uint64_t steps) {

@@ -16,6 +16,12 @@ struct RunPosition {
   double elapsed_s = 0, elapsed_before_s = 0;  ///< of this sitting, and of those before
 };
 
+/// Decisions of rank 0 about an update, beside the end of the run by steps or time (held_out_state.h).
+struct HeldOutVote {
+  bool evaluates = false;    ///< the weights, before anything else
+  bool has_stopped = false;  ///< learning: the run is done
+};
+
 /// Progress of a run, its elapsed time and its end.  A sitting is the time from one start or resume of the run to its end.
 ///
 /// Every worker holds the same update and env_steps; elapsed times are of each worker's own clock, and agree_on_end() makes rank 0's hold
@@ -36,8 +42,11 @@ class RunProgress {
   /// The first update's time counts from here.
   void start_clock() { clock_.lap(); }
   /// A collective call: whether the run ends here, the same on every worker.  It does where any worker has got a stop signal or all its
-  /// steps, or rank 0's clock has reached max_minutes.  Sets fraction() and has_joiners().
-  bool agree_on_end(Collective& collective);
+  /// steps, or rank 0's clock has reached max_minutes or its vote says so.  False where an evaluation comes first: evaluates(), as rank 0's
+  /// vote says, but for a stop signal and the end of max_minutes.  Sets fraction() and has_joiners().
+  bool agree_on_end(Collective& collective, HeldOutVote vote = {});
+  /// Of the last agree_on_end().
+  [[nodiscard]] bool evaluates() const { return evaluates_; }
   /// Of the whole training, in [0, 1], for decays and guidance; of the last agree_on_end().
   [[nodiscard]] double fraction() const { return fraction_; }
   /// The signal that ended the run before it was done, of the last agree_on_end(), the same on every worker: SIGINT, or SIGTERM for any
@@ -51,6 +60,8 @@ class RunProgress {
   void note_rollout() { has_rollout_ = true; }
   /// steps: of all workers in this update.  Returns its wall time, which is added to elapsed_s.
   double complete_update(std::uint64_t steps);
+  /// Adds the time since then to elapsed_s, and to no update: of an evaluation.
+  void complete_evaluation() { position_.elapsed_s += clock_.lap(); }
 
   /// Over all sittings.
   [[nodiscard]] double total_elapsed_s() const { return position_.elapsed_before_s + position_.elapsed_s; }
@@ -71,6 +82,7 @@ class RunProgress {
   double fraction_ = 0;
   int end_signal_ = 0;
   bool has_joiners_ = false;
+  bool evaluates_ = false;
   bool has_rollout_ = false;
 };
 

@@ -6,6 +6,7 @@
 
 #include "envs/batch/quarantine.h"
 #include "trainer/collective/collective.h"
+#include "trainer/held_out/held_out_evaluator.h"
 #include "trainer/rollout/run_counters.h"
 #include "trainer/run/run_config.h"
 #include "trainer/run/start_run.h"
@@ -20,11 +21,13 @@ struct TrainReport {
   int signal = 0;                      ///< RunProgress::end_signal
   RunCounters counters;                ///< of all workers, since the run was started or resumed
   GuardCounts guards;
+  HeldOutState held_out;  ///< of a run that evaluates itself
 };
 
-/// Hooks for tests.
+/// Hooks of tests and the evaluator of a run.
 struct TrainHooks {
-  StageHook stage_hook;  ///< see BatchedEnv::set_stage_hook
+  StageHook stage_hook = {};             ///< of tests; see BatchedEnv::set_stage_hook
+  HeldOutEvaluator* held_out = nullptr;  ///< needed where config.held_out is on; must outlive the run
 };
 
 /// One worker's part of a DD-PPO run: roll out, sum gradients, step, until config.total_steps or config.max_minutes.  Rank 0 writes

@@ -57,7 +57,9 @@ TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, Worker
       preemption_(config.ppo, config.rollout_steps),
       progress_(config),
       report_(config, collective, progress_, std::move(claim)),
-      recovery_(collective, places_, policy_, learner_, progress_, report_) {
+      recovery_(collective, places_, policy_, learner_, progress_, report_),
+      held_out_(config.held_out.is_on() ? hooks.held_out : nullptr) {
+  EARSHOT_EXPECT(!config.held_out.is_on() || held_out_ != nullptr);
   env_.set_stage_hook(hooks.stage_hook);
   recovery_.brief();
   if (collective.is_joining()) {
@@ -66,11 +68,12 @@ TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, Worker
   }
   if (start.resumed) {
     restore(*start.resumed, resume);
-    start.resumed.reset();
   } else {
     if (!config.initial_policy.empty()) load_initial_policy(config, policy_);
     env_.reset();
   }
+  if (held_out_ != nullptr) report_.restore_held_out(start.resumed ? start.resumed->held_out : std::nullopt, held_out_->identity());
+  start.resumed.reset();
   check_equal_weights(collective, policy_);
 }
 
@@ -115,16 +118,20 @@ TrainReport TrainWorker::run() {
     throw;
   }
   const RunPosition& end = progress_.position();
-  return {end.update,         end.env_steps,   end.elapsed_s, progress_.steps_per_s(), report_.last_checkpoint(), progress_.end_signal(),
-          report_.counters(), report_.guards()};
+  return {
+      end.update,         end.env_steps,    end.elapsed_s,     progress_.steps_per_s(), report_.last_checkpoint(), progress_.end_signal(),
+      report_.counters(), report_.guards(), report_.held_out()};
 }
 
 void TrainWorker::make_updates() {
   for (bool saved = false; !saved;) try {
       if (!whole_ && !collective_.survives_loss()) keep_whole_update(keeps_environments());
-      while (!progress_.agree_on_end(collective_)) {
+      while (!progress_.agree_on_end(collective_, held_out_vote())) {
         if (progress_.has_joiners()) collective_.admit();
-        update();
+        if (progress_.evaluates())
+          evaluate();
+        else
+          update();
       }
       save(true);
       collective_.barrier();  // no worker says that the run has ended before its last checkpoint is on disk
@@ -133,6 +140,37 @@ void TrainWorker::make_updates() {
       whole_.reset();  // of other members
       recovery_.recover(change);
     }
+}
+
+/// Rank 0's counts for all: of workers that were lost and came back the others may know less.
+HeldOutVote TrainWorker::held_out_vote() const {
+  if (held_out_ == nullptr) return {};
+  const HeldOutState& state = report_.held_out();
+  const bool in_minutes = config_.schedule == Schedule::minutes;
+  const double training = in_minutes ? progress_.total_elapsed_s() - state.seconds : static_cast<double>(progress_.env_steps());
+  const double spent = in_minutes ? state.seconds : static_cast<double>(state.env_steps);
+  const double last = in_minutes ? state.last_seconds : static_cast<double>(state.last_env_steps);
+  return {.evaluates = !progress_.has_rollout() && is_due(config_.held_out, state, progress_.update()) &&
+                       is_within_fraction(config_.held_out.max_fraction, spent, last, training),
+          .has_stopped = has_stopped_learning(config_.held_out, state)};
+}
+
+void TrainWorker::evaluate() {
+  const auto scores = held_out_->evaluate(policy_, collective_);
+  progress_.complete_evaluation();
+  if (!scores) return;
+  const HeldOutScore& chosen = config_.eval_actions == ActionChoice::argmax ? scores->argmax : scores->sample;
+  const HeldOutState before = report_.held_out(), own = after_evaluation(before, progress_.update(), *scores, chosen);
+  const HeldOutState agreed = decode_held_out(collective_.all_gather(encode_held_out(own)).front());
+  report_.set_held_out(agreed);
+  if (whole_) report_.describe_state(*whole_);
+  try {
+    if (agreed.best_update == progress_.update()) save(false);
+  } catch (const MembershipChange&) {
+    report_.set_held_out(before);  // made again by those that are left: what is the best has to be on disk
+    throw;
+  }
+  report_.show_held_out(*scores);
 }
 
 void TrainWorker::update() {

@@ -47,6 +47,8 @@ class TrainWorker {
   void join(const JoinBriefing& briefing);
 
   void make_updates();
+  [[nodiscard]] HeldOutVote held_out_vote() const;
+  void evaluate();
   void update();
   void collect();
   std::uint64_t collected_steps();
@@ -76,6 +78,7 @@ class TrainWorker {
   RunProgress progress_;
   UpdateReport report_;
   Recovery recovery_;
+  HeldOutEvaluator* held_out_;
 
   WorkerSums sums_;       ///< episodes and times since the last report
   double collect_s_ = 0;  ///< wall time of the last rollout, which recovery may have learned from once more

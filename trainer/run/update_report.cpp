@@ -57,7 +57,8 @@ UpdateReport::UpdateReport(const RunConfig& config, Collective& collective, cons
 bool UpdateReport::open_files() {
   if (files_) return false;
   claim_.take();
-  files_.emplace(config_, progress_.update());
+  files_.emplace(config_, progress_.update(), DiskPatience{}, save_checkpoint,
+                 config_.held_out.is_on() ? held_out_.last_update : kAllEvaluations);
   return true;
 }
 
@@ -137,6 +138,29 @@ void UpdateReport::show_progress(const EpisodeSums& recent, const StageTimes& me
   std::fputs(line.c_str(), stderr);  // fmt::print would throw where the log is on a full disk
 }
 
+void UpdateReport::show_held_out(const HeldOutScores& scores) {
+  if (!files_) return;
+  const HeldOutState& state = held_out_;
+  const double elapsed_s = progress_.total_elapsed_s();
+  const auto text_of = [](const HeldOutScore& score) {
+    return fmt::format("success {:.3f} [{:.3f}, {:.3f}] SPL {:.3f}", score.success.mean, score.success.low, score.success.high,
+                       score.spl.mean);
+  };
+  const bool is_best = state.best_update == progress_.update();
+  const std::string comparison =
+      is_best ? "the best so far" : fmt::format("no better than update {} ({} in a row)", state.best_update, state.since_best);
+  std::fputs(fmt::format("held out, update {}: argmax {}; sampled {}; {}  [{:.1f} s, {:.0f} % of the time]\n", progress_.update(),
+                         text_of(scores.argmax), text_of(scores.sample), comparison, scores.seconds, 100 * state.seconds / elapsed_s)
+                 .c_str(),
+             stderr);
+  guards_.failed_writes += files_->write_point(
+      {progress_.update(), progress_.env_steps(), progress_.position().elapsed_s, held_out_curves(scores, state, elapsed_s)});
+}
+
+void UpdateReport::restore_held_out(const std::optional<HeldOutState>& saved, const std::string& set) {
+  held_out_ = state_for_set(saved.value_or(HeldOutState{}), set);
+}
+
 void UpdateReport::describe_state(Checkpoint& checkpoint) const {
   checkpoint.update = progress_.update();
   checkpoint.env_steps = progress_.env_steps();
@@ -145,6 +169,7 @@ void UpdateReport::describe_state(Checkpoint& checkpoint) const {
   checkpoint.episode_window = window_.state();
   checkpoint.episode_window_fields = EpisodeSums::num_fields;
   checkpoint.mean_reward = window_.total().mean(EpisodeSums::reward);
+  if (config_.held_out.is_on()) checkpoint.held_out = held_out_;
 }
 
 /// Fields that are equal in all checkpoints of a run.
@@ -221,6 +246,7 @@ void UpdateReport::restore_window(const Checkpoint& checkpoint) {
 void UpdateReport::write_to(RunState& state) const {
   state.learner.episode_window = window_.state();
   state.learner.episode_window_fields = EpisodeSums::num_fields;
+  if (config_.held_out.is_on()) state.learner.held_out = held_out_;
   state.guards = guards_;
   state.counters = counters_;
   state.updates_without_step = updates_without_step_;
@@ -228,6 +254,7 @@ void UpdateReport::write_to(RunState& state) const {
 
 void UpdateReport::set_state(const RunState& state) {
   restore_window(state.learner);
+  if (state.learner.held_out) held_out_ = *state.learner.held_out;
   guards_ = state.guards;
   counters_ = state.counters;
   updates_without_step_ = state.updates_without_step;

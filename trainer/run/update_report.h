@@ -45,6 +45,13 @@ class UpdateReport {
   [[nodiscard]] std::optional<std::string> note(UpdateStats stats);
   /// Progress line and curve point.  A collective call.  worker_updates: gather_worker_updates().
   void report(const UpdateStats& stats, const WorkerSums& worker_sums, const std::vector<WorkerUpdate>& worker_updates, double steps_per_s);
+  [[nodiscard]] const HeldOutState& held_out() const { return held_out_; }
+  /// After an evaluation, the same on every worker.
+  void set_held_out(const HeldOutState& state) { held_out_ = state; }
+  /// Progress line and curve point of the last evaluation, on rank 0.
+  void show_held_out(const HeldOutScores& scores);
+  /// Of a checkpoint, for evaluations on `set` from here on (state_for_set).
+  void restore_held_out(const std::optional<HeldOutState>& saved, const std::string& set);
   /// How far the run is and what its episodes came to, into a checkpoint of the update that has just been reported.
   void describe_state(Checkpoint& checkpoint) const;
   /// Of rank 0: writes the checkpoint.  checkpoint: learner and environments of all workers, described; the rest is filled in here.  Throws
@@ -66,7 +73,7 @@ class UpdateReport {
   void go_back(const GuardCounts& guards, int updates_without_step);
 
   void restore_window(const Checkpoint& checkpoint);
-  /// Guards, counters and window, as another worker gets or has sent them.
+  /// Guards, counters, window and evaluations, as another worker gets or has sent them.
   void write_to(RunState& state) const;
   void set_state(const RunState& state);
 
@@ -89,6 +96,7 @@ class UpdateReport {
   EpisodeWindow window_;
   RunCounters counters_;
   GuardCounts guards_;
+  HeldOutState held_out_;
   int updates_without_step_ = 0;  ///< in a row
   std::uint64_t ratio_alarms_ = 0;
   bool lost_since_report_ = false;

@@ -72,15 +72,17 @@ TEST(BatchConfig, UnknownKeysOfTheSectionsThatAreReadAreRefused) {
 }
 
 TEST(BatchConfig, TheSplitsOfARunKeepTheirDefaults) {
-  ConfigReader run = ConfigReader::from_text("data: {train: {seed: 3}, eval: {seed: 4}}", "the text");
-  DataConfig train = training_data(), eval;
-  read_data_section(run, train, eval);
+  ConfigReader run = ConfigReader::from_text("data: {train: {seed: 3}, eval: {seed: 4}, held_out: {seed: 5}}", "the text");
+  DataConfig train = training_data(), eval, held_out;
+  read_data_section(run, train, eval, held_out);
   EXPECT_EQ(train.seed, 3u);
   EXPECT_EQ(train.goals_per_scene, 10);
   EXPECT_EQ(eval.seed, 4u);
   EXPECT_EQ(eval.goals_per_scene, 0);
+  EXPECT_EQ(held_out.seed, 5u);
+  EXPECT_EQ(held_out.goals_per_scene, 0);
   ConfigReader other = ConfigReader::from_text("data: {test: {seed: 3}}", "the text");
-  EXPECT_THROW(read_data_section(other, train, eval), InputError);
+  EXPECT_THROW(read_data_section(other, train, eval, held_out), InputError);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ class Keeping : public testing::Test {
     checkpoint.weights["w"] = torch::full({10}, static_cast<double>(update));
     const auto file = last ? run_.last_checkpoint() : run_.checkpoint_of(update);
     save_checkpoint(checkpoint, file);
-    keeper.saved(file, update, reward, last);
+    keeper.saved(file, checkpoint, last);
   }
   [[nodiscard]] std::set<std::string> names() const {
     std::set<std::string> names;
@@ -79,6 +79,34 @@ TEST_F(Keeping, LaterUpdatesGoOnceTheirSuccessorIsSaved) {
   save(keeper, 15, kNoEpisode);
   EXPECT_EQ(names(), (std::set<std::string>{"update_000010.ckpt", "update_000015.ckpt"}));
   EXPECT_EQ(load_checkpoint(find_checkpoint(folder_.path())).update, 15u);
+}
+
+// Of a run that evaluates itself: whatever the reward.
+TEST_F(Keeping, TheBestOfTheEvaluationsIsTheBest) {
+  const auto save_evaluated = [&](CheckpointKeeper& keeper, std::uint64_t update, double reward, std::uint64_t best_update) {
+    Checkpoint checkpoint;
+    checkpoint.update = update;
+    checkpoint.mean_reward = reward;
+    checkpoint.held_out = HeldOutState{.evaluations = 1, .last_update = update, .best_update = best_update};
+    checkpoint.weights["w"] = torch::ones({1});
+    save_checkpoint(checkpoint, run_.checkpoint_of(update));
+    keeper.saved(run_.checkpoint_of(update), checkpoint, false);
+  };
+  CheckpointKeeper keeper(run_, 2, 0);
+  save_evaluated(keeper, 10, 9, 0);
+  EXPECT_FALSE(names().contains("best.ckpt")) << "nothing has been evaluated yet";
+  save_evaluated(keeper, 20, kNoEpisode, 20);
+  EXPECT_EQ(best(), 20u);
+  save_evaluated(keeper, 30, 99, 20);
+  save_evaluated(keeper, 40, 100, 20);
+  EXPECT_EQ(best(), 20u);
+  save_evaluated(keeper, 50, 1, 50);
+  EXPECT_EQ(best(), 50u);
+
+  // Resumed from 40, when 50 is of a future that has not been: the best is that of then again, where it is still there.
+  CheckpointKeeper resumed(run_, 2, 40);
+  save_evaluated(resumed, 45, 0, 40);
+  EXPECT_EQ(best(), 40u);
 }
 
 TEST_F(Keeping, ADamagedBestIsReplaced) {

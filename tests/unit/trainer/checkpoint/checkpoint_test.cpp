@@ -83,6 +83,21 @@ class CheckpointFile : public testing::Test {
   PrivateTestFolder folder_;
 };
 
+TEST_F(CheckpointFile, EvaluationsOfTheRunComeBackAndOthersHaveNone) {
+  Checkpoint saved = sample();
+  save_checkpoint(saved, path());
+  EXPECT_FALSE(load_checkpoint(path()).held_out.has_value());
+  const HeldOutState state{
+      .set = "abc", .evaluations = 3, .last_update = 12, .best_update = 8, .best = {{0.25, 0.125, 1.0 / 3}, {0.1, 0, 0.2}}};
+  saved.held_out = state;
+  save_checkpoint(saved, path());
+  EXPECT_EQ(load_checkpoint(path()).held_out, state);
+  EXPECT_EQ(load_checkpoint_metadata(path()).held_out, state);
+  std::string bytes = read_file(path());
+  bytes.replace(bytes.find("abc 3 12 8"), 10, "abc 3 8 12");  // the best is none of those that were
+  EXPECT_THAT(load_error(with_good_hash(bytes)), testing::HasSubstr("'held_out' is not the state of evaluations"));
+}
+
 TEST_F(CheckpointFile, ComesBackBitForBit) {
   const Checkpoint saved = sample();
   save_checkpoint(saved, path());

@@ -72,6 +72,28 @@ TEST(EventLog, ResumeCutsOffTheFutureAndTornLines) {
   EXPECT_EQ(updates, (std::vector<std::uint64_t>{1, 2, 3, 4}));
 }
 
+TEST(EventLog, ResumeCutsOffEvaluationsThatTheStateDoesNotHave) {
+  const std::vector<std::pair<std::string, double>> evaluation{{"held_out/argmax_success", 0.5}};
+  for (std::uint64_t evaluated : {0, 2, 4, 9}) {
+    const PrivateTestFolder folder;
+    {
+      EventLog log(folder.path());
+      for (std::uint64_t update = 1; update <= 6; ++update) {
+        log.write(update, 10 * update, 1, kValues);
+        if (update % 2 == 0) log.write(update, 10 * update, 1, evaluation);
+      }
+    }
+    EventLog resumed(folder.path(), 4, evaluated);  // a checkpoint of update 4, before or behind its evaluation
+    std::vector<std::uint64_t> updates, evaluations;
+    for (const auto& point : read_event_log(folder.path() / "events.jsonl"))
+      (is_of_held_out(point) ? evaluations : updates).push_back(point.update);
+    EXPECT_EQ(updates, (std::vector<std::uint64_t>{1, 2, 3, 4}));
+    std::vector<std::uint64_t> right;
+    for (std::uint64_t update = 2; update <= std::min<std::uint64_t>(4, evaluated); update += 2) right.push_back(update);
+    EXPECT_EQ(evaluations, right) << evaluated;
+  }
+}
+
 TEST(EventLog, AnotherFileIsAnInputError) {
   const PrivateTestFolder folder;
   const auto file = folder.path() / "events.jsonl";

@@ -83,6 +83,20 @@ TEST(RunConfig, ValuesOutOfRangeNameKeyAndRule) {
   EXPECT_EQ(parse_run_config(config_text(config), "run.yaml", {}).ppo.preempt_weight, PreemptWeight::worker);
 }
 
+TEST(RunConfig, EvaluationsNeedASetAndPatienceNeedsEvaluations) {
+  const std::string set = "data: {held_out: {file: a.json, scenes: [\"shoebox:5x3x4\"]}}\n";
+  EXPECT_FALSE(parse_run_config(set, "run.yaml", {}).held_out.is_on()) << "the set alone does nothing";
+  const RunConfig config = parse_run_config(set + "held_out: {every_updates: 5, patience: 3}", "run.yaml", {});
+  EXPECT_TRUE(config.held_out.is_on());
+  EXPECT_EQ(config.held_out.max_fraction, 0.1);
+  EXPECT_EQ(parse_run_config(config_text(config), "run.yaml", {}).held_out.patience, 3);
+  EXPECT_EQ(parse_run_config(config_text(config), "run.yaml", {}).held_out_data.scenes, config.held_out_data.scenes);
+  EXPECT_THAT(message_of("held_out: {every_updates: 5}"), HasSubstr("held_out.every_updates = 5: needs data.held_out with a file"));
+  EXPECT_THAT(message_of(set + "held_out: {patience: 3}"), HasSubstr("held_out.patience = 3: has no effect without"));
+  EXPECT_THAT(message_of(set + "held_out: {max_fraction: 1.5}"),
+              HasSubstr("held_out.max_fraction is 1.5; use a number above 0 and at most 1"));
+}
+
 TEST(RunConfig, SeedReachesEnvAndPolicyUnlessTheySayOtherwise) {
   const RunConfig config = parse_run_config("seed: 7\npolicy: {seed: 9}", "run.yaml", {"env.task.max_steps=33"});
   EXPECT_EQ(config.env.seed, 7u);

@@ -117,6 +117,25 @@ TEST_F(SmallDisk, TheLastOneWaitsForRoom) {
   EXPECT_EQ(load_checkpoint_metadata(find_checkpoint(folder_.path())).update, 2u);
 }
 
+// The text file holds the last update and the last evaluation, whichever came later.
+TEST(RunFilesMetrics, AnEvaluationStaysBesideLaterUpdates) {
+  const PrivateTestFolder folder;
+  RunConfig config;
+  config.out = folder.path() / "run";
+  config.metrics_file = folder.path() / "metrics.prom";
+  RunFiles files(config, 0);
+  const auto text_after = [&](const CurvePoint& point) {
+    EXPECT_EQ(files.write_point(point), 0u);
+    return read_file(config.metrics_file);
+  };
+  EXPECT_THAT(text_after({1, 10, 1, {{"episodes/success", 0.5}}}), testing::Not(HasSubstr("held_out")));
+  EXPECT_THAT(
+      text_after({1, 10, 2, {{"held_out/argmax_success", 0.25}}}),
+      AllOf(HasSubstr("earshot_episodes_success{run=\"run\"} 0.5"), HasSubstr("earshot_held_out_argmax_success{run=\"run\"} 0.25")));
+  EXPECT_THAT(text_after({2, 20, 3, {{"episodes/success", 0.75}}}),
+              AllOf(HasSubstr("earshot_update_total{run=\"run\"} 2"), HasSubstr("success{run=\"run\"} 0.75"), HasSubstr(" 0.25\n")));
+}
+
 RunConfig config_of(const std::vector<std::string>& overrides) { return parse_run_config("seed: 1", "a.yaml", overrides); }
 
 // The rollout's share by hand: depth of 128 x 128 floats, two spectrograms of 65 x 26, 2 x 4 x 10 numbers, for each row.

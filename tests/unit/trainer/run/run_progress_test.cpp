@@ -40,6 +40,45 @@ TEST(RunProgress, EndsWithItsStepsAndTellsTheFraction) {
   EXPECT_EQ(progress.remaining_s(5), 0);
 }
 
+TEST(RunProgress, AnEvaluationComesBeforeTheEndOfTheStepsAndNotBehindThatOfTheMinutes) {
+  const RunConfig config = run_of(100);
+  const auto alone = make_single_worker();
+  RunProgress progress(config);
+  progress.complete_update(100);
+  EXPECT_FALSE(progress.agree_on_end(*alone, {.evaluates = true}));
+  EXPECT_TRUE(progress.evaluates());
+  EXPECT_FALSE(progress.agree_on_end(*alone, {.evaluates = true, .has_stopped = true}));
+  EXPECT_TRUE(progress.agree_on_end(*alone));
+  EXPECT_FALSE(progress.evaluates());
+
+  RunProgress other(config);
+  other.complete_update(50);
+  EXPECT_FALSE(other.agree_on_end(*alone));
+  EXPECT_TRUE(other.agree_on_end(*alone, {.has_stopped = true}));
+  EXPECT_EQ(other.end_signal(), 0) << "done, not interrupted";
+
+  const RunConfig minute = run_of(100, 1);
+  RunProgress late(minute);
+  RunPosition position = position_of(4, 50);
+  position.elapsed_s = 60;
+  late.set_position(position);
+  EXPECT_TRUE(late.agree_on_end(*alone, {.evaluates = true}));
+  EXPECT_FALSE(late.evaluates());
+}
+
+TEST(RunProgress, TimeOfAnEvaluationIsOfNoUpdate) {
+  const RunConfig config = run_of(100);
+  RunProgress progress(config);
+  progress.start_clock();
+  std::this_thread::sleep_for(std::chrono::milliseconds(40));
+  progress.complete_evaluation();
+  const double evaluated_s = progress.total_elapsed_s();
+  EXPECT_GE(evaluated_s, 0.04);
+  const double update_s = progress.complete_update(10);
+  EXPECT_LT(update_s, evaluated_s) << "the clock began anew";
+  EXPECT_EQ(progress.total_elapsed_s(), evaluated_s + update_s);
+}
+
 TEST(RunProgress, MinutesBoundThisSittingOrTheWholeRunByTheSchedule) {
   RunPosition resumed = position_of(4, 50);
   resumed.elapsed_before_s = 45;
