@@ -76,7 +76,7 @@ TEST_F(HeldOutCli, TheBestCheckpointIsTheBestOfTheCurve) {
     }
     EXPECT_EQ(updates, (std::vector<std::uint64_t>{2, 4, 6, 8, 10, 12}));
     EXPECT_EQ(update_of("run/checkpoints/best.ckpt"), best) << actions;
-    if (actions == "sample") EXPECT_GT(different.size(), 1u) << "nothing to choose";
+    EXPECT_GT(different.size(), actions == "sample" ? 1u : 0u) << "nothing to choose";
     for (const std::string how : {"argmax", "sample"}) {
       expect_done("eval " + path("run/checkpoints/best.ckpt") + " --episodes " + path("held_out.json.gz") + " --" + how + " --out " +
                   path("result.json"));
@@ -203,7 +203,9 @@ TEST_F(HeldOutCli, TheShareOfTheStepsIsBounded) {
     for (const auto& [name, value] : point.values)
       if (name == "held_out/env_steps") spent += value;
     // By what the one before cost, which is not quite what this one did.
-    if (before > 0) EXPECT_LE(spent, 0.6 * (spent + static_cast<double>(point.env_steps)));
+    if (before > 0) {
+      EXPECT_LE(spent, 0.6 * (spent + static_cast<double>(point.env_steps)));
+    }
     ++evaluations;
   }
   EXPECT_GE(evaluations, 2u);

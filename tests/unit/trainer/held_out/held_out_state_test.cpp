@@ -100,7 +100,9 @@ TEST(HeldOutState, TheFractionOfEvaluationsIsBounded) {
       if (!is_within_fraction(most, spent, last, training)) continue;
       last = 18 + 2 * static_cast<double>(random.uniform(2 * update + 1));
       spent += last;
-      if (++evaluations > 1) ASSERT_LE(spent, most * (spent + training) + 2) << run << " " << update;
+      if (++evaluations > 1) {
+        ASSERT_LE(spent, most * (spent + training) + 2) << run << " " << update;
+      }
     }
     EXPECT_GT(evaluations, 0);
     EXPECT_GT(spent + 20, most * (spent + 20 + training - 2) - 2) << "no more is left out than has to be";
