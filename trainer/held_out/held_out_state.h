@@ -24,7 +24,7 @@ bool is_better(const HeldOutScore& one, const HeldOutScore& other);
 
 /// One evaluation of the weights of an update: all episodes of the set once by the likeliest actions and once by sampled ones.
 struct HeldOutScores {
-  HeldOutScore argmax, sample;
+  HeldOutScore argmax = {}, sample = {};
   std::uint64_t env_steps = 0;  ///< of both
   double seconds = 0;           ///< wall time, of the slowest worker
 };
@@ -35,7 +35,7 @@ struct HeldOutState {
   std::string set = {};  ///< HeldOutEvaluator::identity(), one word: scores of another one do not compare
   std::uint64_t evaluations = 0, last_update = 0;
   std::uint64_t best_update = 0;  ///< 0: none yet
-  HeldOutScore best;
+  HeldOutScore best = {};
   int since_best = 0;  ///< evaluations in a row that were not better
   std::uint64_t env_steps = 0, last_env_steps = 0;
   double seconds = 0, last_seconds = 0;
