@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "api/convert.h"
 #include "api/scene_model.h"
@@ -140,6 +141,24 @@ std::vector<Vec3> Scene::random_positions(int count, const PlaceOptions& options
                        "lower height_m, or choose places by hand");
   }
   return positions;
+}
+
+std::vector<std::array<Vec3, 2>> Scene::section(double height_m) const {
+  require(std::isfinite(height_m), "height_m", height_m, "must be finite");
+  const earshot::Scene& scene = model_->scene();
+  std::vector<std::array<Vec3, 2>> segments;
+  for (const auto& triangle : scene.mesh().triangles) {
+    std::array<glm::dvec3, 3> corners;
+    for (glm::length_t i = 0; i < 3; ++i) corners[static_cast<std::size_t>(i)] = scene.to_world(scene.mesh().vertices[triangle[i]]);
+    std::vector<glm::dvec3> ends;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const glm::dvec3 &a = corners[i], &b = corners[(i + 1) % 3];
+      // A corner in the plane counts as above it, so that two edges cross or none.
+      if ((a.y < height_m) != (b.y < height_m)) ends.push_back(a + (b - a) * ((height_m - a.y) / (b.y - a.y)));
+    }
+    if (ends.size() == 2) segments.push_back({vec3_of(ends[0]), vec3_of(ends[1])});
+  }
+  return segments;
 }
 
 Source Scene::source(const Vec3& position, const SourceOptions& options) const {

@@ -6,6 +6,7 @@
 #include <exception>
 #include <glm/gtc/quaternion.hpp>
 #include <numbers>
+#include <system_error>
 #include <thread>
 
 #include "api/convert.h"
@@ -18,34 +19,47 @@ namespace earshot::api {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr int kMostThreads = 1024;
 
 glm::quat source_orientation(double heading_deg, double pitch_deg) {
   return glm::angleAxis(static_cast<float>(heading_deg * kDegree), glm::vec3(0, 1, 0)) *
          glm::angleAxis(static_cast<float>(pitch_deg * kDegree), glm::vec3(1, 0, 0));
 }
 
+void throw_if_stopped(const std::stop_token& stop) {
+  if (stop.stop_requested()) throw RunError("responses", "were stopped by the caller");
+}
+
 /// make() gives each thread a function of the index with scratch of its own.  The first exception comes back to the caller.
 template <class Make>
-void for_each_index(std::size_t count, int threads, const Make& make) {
+void for_each_index(std::size_t count, const BatchOptions& options, const Make& make) {
+  require(options.threads >= 0 && options.threads <= kMostThreads, "threads", options.threads, "must be in [0, 1024]");
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
-  const std::size_t wanted = threads > 0 ? static_cast<std::size_t>(threads) : cores;
+  const std::size_t wanted = options.threads > 0 ? static_cast<std::size_t>(options.threads) : cores;
   std::atomic<std::size_t> next{0};
   std::exception_ptr error;
   std::mutex error_mutex;
   const auto work = [&] {
     try {
       auto render_item = make();
-      for (std::size_t i = next++; i < count; i = next++) render_item(i);
+      for (std::size_t i = next++; i < count; i = next++) {
+        throw_if_stopped(options.stop);
+        render_item(i);
+      }
     } catch (...) {
       next = count;
       const std::lock_guard lock(error_mutex);
       if (!error) error = std::current_exception();
     }
   };
-  std::vector<std::thread> helpers;
-  for (std::size_t i = 1; i < std::min(wanted, count); ++i) helpers.emplace_back(work);
-  work();
-  for (std::thread& helper : helpers) helper.join();
+  {
+    std::vector<std::jthread> helpers;
+    try {
+      for (std::size_t i = 1; i < std::min(wanted, count); ++i) helpers.emplace_back(work);
+    } catch (const std::system_error&) {  // the machine has no more threads: those that there are do the work
+    }
+    work();
+  }
   if (error) std::rethrow_exception(error);
 }
 
@@ -72,14 +86,14 @@ Source::Model::Model(std::shared_ptr<Scene::Model> scene, const Vec3& position, 
   source_.radius_m = static_cast<float>(options.radius_m);
 }
 
-SourceParts Source::Model::parts(int sh_order, std::size_t responses) {
+SourceParts Source::Model::parts(int sh_order, std::size_t responses, const std::stop_token& stop) {
   const std::lock_guard lock(mutex_);
   SourceParts& kept = parts_[sh_order];
   if (!kept.candidates) {
     kept.acoustics = scene_->acoustics(sh_order);
     kept.candidates = std::make_shared<const EarlyCandidates>(*kept.acoustics, source_);
   }
-  if (!kept.field) kept.field = field_for_poses(*kept.acoustics, *kept.candidates, responses);
+  if (!kept.field) kept.field = field_for_poses(*kept.acoustics, *kept.candidates, responses, [&](double) { throw_if_stopped(stop); });
   return kept;
 }
 
@@ -111,10 +125,10 @@ std::vector<Rir> Source::render_all(std::span<const Listener> listeners, const B
   Scene::Model& scene = *model_->scene();
   const int harmonics = scene.harmonics_of(ListenerLayout::named(options.channels));
   model_->check_places(scene.acoustics(harmonics), positions);
-  const SourceParts shared = model_->parts(harmonics, listeners.size());
+  const SourceParts shared = model_->parts(harmonics, listeners.size(), options.stop);
   const std::shared_ptr<const SynthesisTables> synthesis = scene.tables(options.channels, options.hrtf);
   std::vector<Rir> rirs(listeners.size());
-  for_each_index(listeners.size(), options.threads, [&] {
+  for_each_index(listeners.size(), options, [&] {
     return [&, synthesizer = std::make_shared<RirSynthesizer>(synthesis), response = std::make_shared<EnergyResponse>()](std::size_t i) {
       const Listener& listener = listeners[i];
       const glm::vec3 place = scene.scene().to_local(glm_of(listener.position));
@@ -135,9 +149,9 @@ std::vector<Response> Source::responses(std::span<const Vec3> listeners, const B
   const std::shared_ptr<Scene::Model>& scene = model_->scene();
   const int harmonics = scene->harmonics_of(ListenerLayout::named(options.channels));
   model_->check_places(scene->acoustics(harmonics), listeners);
-  const SourceParts shared = model_->parts(harmonics, listeners.size());
+  const SourceParts shared = model_->parts(harmonics, listeners.size(), options.stop);
   std::vector<std::shared_ptr<Response::Model>> models(listeners.size());
-  for_each_index(listeners.size(), options.threads, [&] {
+  for_each_index(listeners.size(), options, [&] {
     return [&](std::size_t i) {
       auto model = std::make_shared<Response::Model>();
       model->scene = scene;
@@ -164,6 +178,7 @@ AccuracyPlan Source::plan_accuracy(const std::string& target, std::span<const Ve
     require_finite(listener, "listeners");
     places.push_back(scene.scene().to_local(glm_of(listener)));
   }
+  model_->check_places(scene.acoustics(), listeners);
   const earshot::AccuracyPlan found =
       earshot::plan_accuracy(*scene.acoustics(), AccuracyTarget::parse(target), model_->source(), std::move(places), wanted);
   AccuracyPlan plan;

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -30,8 +31,8 @@ struct Source::Model {
 
   [[nodiscard]] const std::shared_ptr<Scene::Model>& scene() const { return scene_; }
   [[nodiscard]] const SoundSource& source() const { return source_; }
-  /// With a source field where the plan of the scene calls for one for so many responses.
-  SourceParts parts(int sh_order, std::size_t responses);
+  /// With a source field where the plan of the scene calls for one for so many responses.  Throws RunError once `stop` is requested.
+  SourceParts parts(int sh_order, std::size_t responses, const std::stop_token& stop);
   /// Warns of places, or throws InputError for one outside the closed scene (place_check.h).
   void check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const Vec3> listeners);
 

@@ -4,6 +4,7 @@
 /// @file
 /// Scenes with acoustic settings: begin here.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -85,6 +86,11 @@ class Scene {
   /// @param options  height above the floor, and seed.
   /// @throws InputError if nothing is walkable, or too few places are free.
   [[nodiscard]] std::vector<Vec3> random_positions(int count, const PlaceOptions& options = {}) const;
+
+  /// Where the surfaces cross a level plane, as a floor plan shows walls: [segments, 2 ends].  Surfaces in the plane have no segment.
+  /// @param height_m  y of the plane.
+  /// @throws InputError if it is not finite.
+  [[nodiscard]] std::vector<std::array<Vec3, 2>> section(double height_m) const;
 
   /// A source that stands still.
   /// @throws InputError for a position that is not finite, an unknown pattern, or a radius out of range.

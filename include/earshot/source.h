@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -35,6 +36,8 @@ struct BatchOptions {
   std::string channels = "binaural";  ///< as RenderOptions::channels
   std::string hrtf = {};              ///< as RenderOptions::hrtf
   int threads = 0;                    ///< over the listeners; 0: all cores.  Any number gives the same bits
+  /// A request to stop ends the call with a RunError, at the next listener or part of a field.
+  std::stop_token stop = {};
 };
 
 /// One way to compute the responses of a source, tried at a few listeners.
@@ -63,7 +66,8 @@ struct AccuracyPlan {
 /// \endcode
 ///
 /// Threads: any number of callers.
-/// Errors:  InputError for a listener that is not finite or outside the closed scene, and for unknown channels or head filters.
+/// Errors:  InputError for a listener that is not finite or outside the closed scene, for unknown channels or head filters, and for a
+///          negative number of threads.
 /// Bits:    equal arguments and seeds give equal bits, for any number of threads.
 class Source {
  public:

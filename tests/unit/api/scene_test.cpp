@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <stop_token>
 
 #include "earshot/audio.h"
 #include "sim/acoustics/core/acoustic_config.h"
@@ -221,6 +222,34 @@ TEST(ApiScene, WrongInputIsRefusedInOneLine) {
   EXPECT_THAT(refusal_of([&] { (void)scene.random_positions(-1); }), HasSubstr("count = -1"));
   EXPECT_THAT(refusal_of([&] { (void)api::measure({}); }), HasSubstr("rir"));
   EXPECT_THAT(refusal_of([&] { (void)api::measure({1, 2, 0, {1, 0}}); }), HasSubstr("sample_rate_hz"));
+}
+
+TEST(ApiScene, SectionOfABoxIsItsOutline) {
+  for (std::uint32_t number = 0; number < 8; ++number) {
+    const RandomStream random(72, Purpose::episode, number);
+    const double x = 3 + 6 * static_cast<double>(random.uniform(0)), y = 2.5 + 2 * static_cast<double>(random.uniform(1)),
+                 z = 3 + 6 * static_cast<double>(random.uniform(2));
+    const double at = y * (0.1 + 0.8 * static_cast<double>(random.uniform(3)));
+    const api::Scene scene(fmt::format("shoebox:{:.3f}x{:.3f}x{:.3f}", x, y, z));
+    double length_m = 0;
+    for (const auto& [a, b] : scene.section(at)) {
+      EXPECT_NEAR(a.y, at, 1e-9);
+      length_m += std::hypot(b.x - a.x, b.z - a.z);
+    }
+    EXPECT_NEAR(length_m, 2 * (x + z), 0.01);  // sizes are written with three digits
+    EXPECT_THAT(scene.section(y + 1), testing::IsEmpty());
+  }
+  EXPECT_THROW((void)api::Scene("shoebox:3x3x3").section(NAN), InputError);
+}
+
+TEST(ApiScene, ARequestToStopEndsACallAndTheNextOneIsWhole) {
+  const api::Source source = api::Scene("shoebox:6x3x5", short_fast()).source({2, 1.5, 2});
+  const std::vector<api::Listener> listeners(40, {.position = {4, 1.5, 2}});
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_THROW((void)source.render_all(listeners, {.threads = 2, .stop = stop.get_token()}), RunError);
+  EXPECT_EQ(source.render_all(listeners, {.threads = 2}).size(), listeners.size());
+  EXPECT_THROW((void)source.render_all(listeners, {.threads = -1}), InputError);
 }
 
 TEST(ApiScene, DirectSoundOfASilentRoomIsThatOfTheOpenField) {
