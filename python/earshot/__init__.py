@@ -16,11 +16,14 @@ The package requires numpy.  :func:`make_vec` also needs gymnasium, :func:`paral
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import _processor  # noqa: F401  # before the engine: raises ImportError if the processor lacks its instructions
+from . import (
+    _processor,  # noqa: F401  # before the engine: raises ImportError if the processor lacks its instructions
+    _runtime,  # noqa: F401  # forks and the end of the process
+)
 from ._engine import InputError, RunError, __version__
 from .acoustics import AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
 
@@ -47,7 +50,7 @@ __all__ = [
 
 
 def make_vec(
-    config: str | Path | dict[str, Any],
+    config: str | Path | Mapping[str, Any],
     num_envs: int = 1,
     *,
     overrides: Sequence[str] = (),
@@ -84,7 +87,7 @@ def make_vec(
 
 
 def parallel_env(
-    config: str | Path | dict[str, Any],
+    config: str | Path | Mapping[str, Any],
     *,
     overrides: Sequence[str] = (),
     split: str = "train",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ._engine import Batch, InputError
+from . import _arguments as check
+from ._arguments import NUM_ACTIONS
+from ._engine import InputError
+from ._engine_batch import Batch
 
-NUM_ACTIONS = 4  #: stop, forward, left, right
+__all__ = ["NUM_ACTIONS", "Batch", "SensorArrays", "open_batch", "require_gymnasium"]
 
 
 def open_batch(
@@ -25,18 +27,26 @@ def open_batch(
     split: str,
     keys: Mapping[str, Any],
     first_env: int,
+    function: str = "make_vec",
 ) -> Batch:
-    """Open a batch.  keys: keys of the env section that replace those of the config; None keeps the value of the config."""
+    """Open a batch.
+
+    :param keys: Keys of the env section that replace those of the config; None keeps the value of the config.
+    :param function: Name of the function in errors.
+    """
     if isinstance(config, Mapping):
-        text, where = json.dumps(config), "config"
+        text, where = check.config_text(config, function), "config"
     else:
-        path = Path(config)
+        path = Path(check.path(config, function, "config"))
         try:
             text, where = path.read_text(encoding="utf-8"), str(path)
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read ({error}); name a YAML file") from error
+            raise InputError(f"{function}: config {path} cannot be read ({error}); name a YAML file") from error
+    lines = check.texts(overrides, function, "overrides")
     env_overrides = [f"{key}={value}" for key, value in keys.items() if value is not None]
-    return Batch(text, where, list(overrides), env_overrides, split, num_envs, first_env)
+    envs = check.integer(num_envs, function, "num_envs", 1, 65536)
+    first = check.integer(first_env, function, "first_env", 0, 10**9)
+    return Batch(text, where, lines, env_overrides, check.text(split, function, "split"), envs, first)
 
 
 class SensorArrays:

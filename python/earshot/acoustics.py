@@ -4,104 +4,43 @@
 Positions are in metres in the coordinates of the scene's file, y up.  Angles are in degrees; headings turn counter-clockwise from -z, seen
 from above.  Pressure is in Green units: a unit source gives 1 / (4 pi r) at distance r.  Equal arguments and seeds give equal bits for any
 number of threads, and the bits of ``earshot rir`` if it is built with the same transforms (docs/howto/python.md).
+
+Scenes, sources and responses pickle by recipe: another process makes them again, with the same bits, and refuses a file that has changed.
 """
 
 from __future__ import annotations
 
+import os
 import warnings
+import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _arguments as check
 from . import _engine
 from ._engine import InputError
+from ._results import ARRIVAL_KINDS, AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Floats, Metrics
+from .responses import Response, ResponseCall, place_text
 
-Floats = NDArray[np.float64]
-ARRIVAL_KINDS = ("direct", "reflection", "diffraction", "transmission")
+__all__ = [
+    "ARRIVAL_KINDS",
+    "AccuracyChoice",
+    "AccuracyPlan",
+    "Arrivals",
+    "EffectDecision",
+    "Floats",
+    "Metrics",
+    "Response",
+    "Scene",
+    "Source",
+    "measure",
+]
 
-
-@dataclass(frozen=True)
-class EffectDecision:
-    """One decision of the effect plan: whether an effect is simulated in a scene, and the reason."""
-
-    effect: str
-    decision: str
-    on: bool
-    change: float  #: largest change of a response if the effect is off; NaN if not estimated
-    unit: str
-    kind: str  #: basis of the decision: exact, bounded, approximated, user_set
-    saved_ms: float
-    why: str
-
-
-@dataclass(frozen=True)
-class Metrics:
-    """Room-acoustic parameters after ISO 3382-1, one value per band; NaN for an undefined value (no decay to fit, no direct sound)."""
-
-    bands_hz: Floats
-    edt_s: Floats
-    t20_s: Floats
-    t30_s: Floats
-    rt60_s: Floats
-    c50_db: Floats
-    c80_db: Floats
-    d50: Floats
-    ts_s: Floats
-    g_db: Floats
-    drr_band_db: Floats
-    iacc: Floats  #: this and the next two: binaural RIRs only
-    iacc_early: Floats
-    iacc_late: Floats
-    drr_db: float
-    direct_delay_s: float
-    direct_amplitude: float
-
-
-@dataclass(frozen=True)
-class Arrivals:
-    """Deterministic paths from source to listener, sorted by distance: n arrivals, b bands."""
-
-    kind: NDArray[np.uint8]  #: [n], index into ARRIVAL_KINDS
-    order: NDArray[np.int32]  #: [n], number of reflections, edges or walls
-    identity: NDArray[np.uint64]  #: [n], identifies the planes or edges; a path keeps its number when the listener moves
-    delay_s: Floats  #: [n], after emission
-    distance_m: NDArray[np.float32]  #: [n]
-    direction: NDArray[np.float32]  #: [n, 3], unit vector from the listener to the incoming sound
-    departure: NDArray[np.float32]  #: [n, 3], unit vector from the source along the outgoing sound
-    amplitude: NDArray[np.float32]  #: [n, b], pressure in Green units
-    phase_rad: NDArray[np.float32]  #: [n, b], in addition to the phase of the delay
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-    @property
-    def kind_names(self) -> list[str]:
-        return [ARRIVAL_KINDS[kind] for kind in self.kind]
-
-
-@dataclass(frozen=True)
-class AccuracyChoice:
-    """Settings for the responses of a source, tested at a few listeners."""
-
-    method: str  #: listener rays, source field or both ends
-    settings: dict[str, str]  #: for ``Scene(settings=...)``
-    predicted: dict[str, float]  #: errors at other listeners: t20_pct, drr_db, edc_db; NaN if undefined
-    per_source_ms: float
-    per_response_ms: float
-
-
-@dataclass(frozen=True)
-class AccuracyPlan:
-    """The cheapest settings that meet a target accuracy, and all tested settings."""
-
-    choice: AccuracyChoice
-    tried: list[AccuracyChoice]  #: in the order of trial
-    reference_error: dict[str, float]  #: standard error of the reference paths
-    calibration_s: float
+PRESETS = ("fast", "balanced", "high")
+LONGEST_RADIUS_M = 10.0
 
 
 def _choice(values: Mapping[str, Any]) -> AccuracyChoice:
@@ -109,89 +48,63 @@ def _choice(values: Mapping[str, Any]) -> AccuracyChoice:
     return AccuracyChoice(**{**values, "settings": settings})
 
 
-def _positions(value: ArrayLike, key: str) -> tuple[Floats, bool]:
-    """Return the positions as [n, 3], and whether the value was a single position."""
-    array = np.ascontiguousarray(value, dtype=np.float64)
-    if array.shape == (3,):
-        return array.reshape(1, 3), True
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"{key}: has shape {array.shape}; give one position [3] or several [n, 3]")
-    return array, False
-
-
-def _angles(count: int, heading_deg: ArrayLike, pitch_deg: ArrayLike, roll_deg: ArrayLike) -> Floats:
+def _angles(count: int, where: str, **degrees: ArrayLike) -> Floats:
+    """[count, 3]"""
     angles = np.empty((count, 3))
-    for column, (name, value) in enumerate((("heading_deg", heading_deg), ("pitch_deg", pitch_deg), ("roll_deg", roll_deg))):
-        array = np.asarray(value, dtype=np.float64)
+    for column, (name, value) in enumerate(degrees.items()):
+        array = check.floats(value, where, name)
         if array.shape not in ((), (count,)):
-            raise InputError(f"{name}: has shape {array.shape} for {count} listeners; give one number or one per listener")
+            raise InputError(f"{where}: {name} has shape {array.shape} for {count} listeners; give one number or one per listener")
         angles[:, column] = array
     return angles
 
 
-def _settings(settings: Mapping[str, Any] | Sequence[str]) -> list[str]:
-    if not isinstance(settings, Mapping):
-        return list(settings)
-    texts = {True: "on", False: "off"}
-    return [f"{key}={texts[value] if isinstance(value, bool) else value}" for key, value in settings.items()]
-
-
-class Response:
-    """Energy response of one source and one listener, before a head or microphone.  It does not depend on the listener's orientation."""
-
-    def __init__(self, model: _engine.ResponseModel, channels: str) -> None:
-        self._model = model
-        self._channels = channels
-
-    @cached_property
-    def arrivals(self) -> Arrivals:
-        return Arrivals(**self._model.arrivals())
-
-    @cached_property
-    def metrics(self) -> Metrics:
-        """Parameters from the energy response: exact times, without carrier noise."""
-        return Metrics(**self._model.metrics())
-
-    @property
-    def late(self) -> NDArray[np.float32]:
-        """Energy of the late field, a read-only view [time bins, bands, harmonics]."""
-        return self._model.late()
-
-    @property
-    def bin_s(self) -> float:
-        """Length of a time bin of ``late`` in seconds; the first bin starts at emission."""
-        return self._model.bin_s
-
-    @property
-    def speed_of_sound_m_per_s(self) -> float:
-        return self._model.speed_of_sound_m_per_s
-
-    @property
-    def ray_efficiency(self) -> float:
-        return self._model.ray_efficiency
-
-    def render(
-        self,
-        heading_deg: float = 0,
-        *,
-        pitch_deg: float = 0,
-        roll_deg: float = 0,
-        channels: str | None = None,
-        hrtf: str = "",
-    ) -> NDArray[np.float32]:
-        """Render the impulse response [channels, samples] for this orientation of the listener.
-
-        :param channels: Channel layout; the default is that of :meth:`Source.response`.
-        """
-        return self._model.render(heading_deg, pitch_deg, roll_deg, channels or self._channels, str(hrtf))
-
-
 class Source:
-    """A source at a fixed position.  Its paths are computed once.  Calls with 300 or more listeners build a source field if cheaper."""
+    """A source at a fixed position.  Its paths are computed once.  Calls with 300 or more listeners build a source field if cheaper.
 
-    def __init__(self, model: _engine.SourceModel, scene: Scene) -> None:
-        self._model = model
+    >>> source = Scene("shoebox:6x3x5", preset="fast", settings={"rir_length_s": 0.2}).source([2, 1.5, 2])
+    >>> source.render([[4, 1.5, 2], [3, 1.2, 4]], [0, 90], channels="mono").shape
+    (2, 1, 3200)
+    """
+
+    def __init__(self, scene: Scene, position: Floats, pattern: str, heading_deg: float, pitch_deg: float, radius_m: float) -> None:
         self.scene = scene
+        self._recipe = (position, pattern, heading_deg, pitch_deg, radius_m)
+        x, y, z = position.tolist()
+        self._model = _engine.SourceModel(scene._model, x, y, z, pattern, heading_deg, pitch_deg, radius_m)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Source, (self.scene, *self._recipe)
+
+    def __copy__(self) -> Source:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Source:
+        return self  # nothing of it changes
+
+    def __repr__(self) -> str:
+        return f"earshot.Source({place_text(self.position)}, {self._recipe[1]}, in {self.scene.name!r})"
+
+    def _repr_html_(self) -> str:
+        from ._html import scene_page
+
+        return scene_page(self.scene, self.position)
+
+    @property
+    def position(self) -> Floats:
+        """[3] in metres."""
+        return self._recipe[0].copy()
+
+    def plot(self, quantity: str = "g_db", *, step_m: float = 0.5, height_m: float = 1.5, ax: Any = None) -> Any:
+        """Draw a metric over the rooms of the scene on a grid with matplotlib (extra ``plot``).  Returns the axes.
+
+        :param quantity: "drr_db", or a metric per band, of which the band nearest to 1 kHz is drawn.
+        :param step_m: Distance of the grid points.
+        :param height_m: Height of the grid above the lowest point of the scene.
+        """
+        from ._plots import plot_field
+
+        return plot_field(self, quantity, step_m, height_m, ax)
 
     def render(
         self,
@@ -201,7 +114,7 @@ class Source:
         pitch_deg: ArrayLike = 0,
         roll_deg: ArrayLike = 0,
         channels: str = "binaural",
-        hrtf: str = "",
+        hrtf: str | os.PathLike[str] = "",
         threads: int = 0,
     ) -> NDArray[np.float32]:
         """Render impulse responses: [channels, samples] for one listener [3], [n, channels, samples] for several [n, 3].
@@ -210,26 +123,29 @@ class Source:
         :param hrtf: SOFA file of the head; empty for a rigid sphere.
         :param threads: Threads over the listeners; 0 uses all cores.
         """
-        positions, single = _positions(listener, "listener")
-        angles = _angles(len(positions), heading_deg, pitch_deg, roll_deg)
-        rirs = self._model.render(positions, angles, channels, str(hrtf), threads)
+        where = "Source.render"
+        positions, single = check.positions(listener, where, "listener")
+        angles = _angles(len(positions), where, heading_deg=heading_deg, pitch_deg=pitch_deg, roll_deg=roll_deg)
+        names = check.text(channels, where, "channels"), check.path(hrtf, where, "hrtf")
+        rirs = self._model.render(positions, angles, *names, check.threads(threads, where))
         self.scene._tell()
         return rirs[0] if single else rirs
 
     def response(self, listener: ArrayLike, *, channels: str = "binaural") -> Response:
-        """Compute the response at one position.  channels: layout that it can be rendered to."""
-        positions, single = _positions(listener, "listener")
-        if not single:
-            raise InputError(f"listener: has shape {positions.shape}; give one position [3], or call responses")
-        model = self._model.respond(positions, channels, 1)[0]
-        self.scene._tell()
-        return Response(model, channels)
+        """Compute the response at one position [3].  channels: layout that it can be rendered to."""
+        where = "Source.response"
+        return self._respond(ResponseCall(self, check.position(listener, where, "listener"), check.text(channels, where, "channels"), 1))[0]
 
     def responses(self, listeners: ArrayLike, *, channels: str = "binaural", threads: int = 0) -> list[Response]:
-        positions, _ = _positions(listeners, "listeners")
-        models = self._model.respond(positions, channels, threads)
+        """Compute the responses at positions [n, 3].  One response that is unpickled brings the whole call with it."""
+        where = "Source.responses"
+        positions, _ = check.positions(listeners, where, "listeners")
+        return self._respond(ResponseCall(self, positions, check.text(channels, where, "channels"), check.threads(threads, where)))
+
+    def _respond(self, call: ResponseCall) -> list[Response]:
+        call.models()
         self.scene._tell()
-        return [Response(model, channels) for model in models]
+        return [Response(call, index) for index in range(len(call.listeners))]
 
     def plan_accuracy(self, target: str, listeners: ArrayLike, *, responses: int | None = None) -> AccuracyPlan:
         """Find the cheapest settings that meet ``target`` at positions like ``listeners``, as ``earshot rir --accuracy`` does.
@@ -241,8 +157,13 @@ class Source:
         :param listeners: Positions [3] or [n, 3].
         :param responses: Number of responses of the source; the default is one per listener.
         """
-        positions, _ = _positions(listeners, "listeners")
-        plan = self._model.plan_accuracy(target, positions, len(positions) if responses is None else responses)
+        where = "Source.plan_accuracy"
+        positions, _ = check.positions(listeners, where, "listeners")
+        if not len(positions):
+            raise InputError(f"{where}: listeners is empty; give at least one position")
+        count = len(positions) if responses is None else check.integer(responses, where, "responses", 1, 10**12)
+        plan = self._model.plan_accuracy(check.text(target, where, "target"), positions, count)
+        self.scene._tell()
         tried = [_choice(values) for values in plan["tried"]]
         return AccuracyPlan(tried[plan["chosen"]], tried, plan["reference_error"], plan["calibration_s"])
 
@@ -257,11 +178,17 @@ class Scene:
     :param settings: A dict or texts "key=value" that replace keys of the preset, as ``earshot rir --set``.
     :param unit_m: Metres per unit of a mesh file; the default is that of the scene YAML, else 1.
     :param up: Upward axis of a mesh file, "y" or "z"; the default is that of the scene YAML, else "y".
+
+    >>> scene = Scene("shoebox:6x3x5", preset="fast", settings={"rir_length_s": 0.2})
+    >>> scene
+    earshot.Scene('shoebox:6x3x5', 12 triangles)
+    >>> scene.random_positions(2, seed=1).shape
+    (2, 3)
     """
 
     def __init__(
         self,
-        spec: str,
+        spec: str | os.PathLike[str],
         *,
         preset: str = "balanced",
         settings: Mapping[str, Any] | Sequence[str] = (),
@@ -271,9 +198,34 @@ class Scene:
         simplify_m: float | None = None,
         up: str | None = None,
     ) -> None:
-        self._model = _engine.SceneModel(str(spec), preset, _settings(settings), rate_hz, seed, unit_m, simplify_m, up or "")
+        self._recipe = (
+            check.path(spec, "Scene", "spec"),
+            check.one_of(preset, "Scene", "preset", PRESETS),
+            tuple(check.settings(settings, "Scene")),
+            None if rate_hz is None else check.number(rate_hz, "Scene", "rate_hz", 8000, 96000),
+            None if seed is None else check.seed(seed, "Scene"),
+            None if unit_m is None else check.number(unit_m, "Scene", "unit_m", 0, above=True),
+            None if simplify_m is None else check.number(simplify_m, "Scene", "simplify_m", 0),
+            "" if up is None else check.one_of(up, "Scene", "up", ("y", "z")),
+        )
+        name, preset, texts, *rest = self._recipe
+        self._model = _engine.SceneModel(name, preset, list(texts), *rest)
         self._num_told = 0
         self._tell()
+        _SCENES.setdefault(self._key(), self)
+
+    def _key(self) -> tuple[Any, ...]:
+        path = os.path.abspath(self._recipe[0]) if os.path.exists(self._recipe[0]) else ""
+        return (*self._recipe, path, self._model.hash)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _scene_of, (self._key(),)
+
+    def __copy__(self) -> Scene:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Scene:
+        return self  # nothing of it changes
 
     def _tell(self) -> None:
         """Issue each new warning as a UserWarning."""
@@ -284,6 +236,21 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"earshot.Scene({self.name!r}, {self._model.num_triangles} triangles)"
+
+    def _repr_html_(self) -> str:
+        from ._html import scene_page
+
+        return scene_page(self)
+
+    def plot(self, ax: Any = None, *, points: ArrayLike | None = None, path: ArrayLike | None = None) -> Any:
+        """Draw the floor plan of the scene with matplotlib (extra ``plot``).  Returns the axes.
+
+        :param points: Positions [n, 3] to mark.
+        :param path: Positions [n, 3] to join, such as those of an episode (``Batch.pose``).
+        """
+        from ._plots import plot_scene
+
+        return plot_scene(self, ax, points, path)
 
     @property
     def name(self) -> str:
@@ -321,15 +288,26 @@ class Scene:
         """Effects that are simulated in this scene, with the reasons."""
         return [EffectDecision(*line) for line in self._model.plan()]
 
+    def section(self, height_m: float | None = None) -> Floats:
+        """Return the lines in which the surfaces cross a level plane, as a floor plan shows walls: [segments, 2, 3].
+
+        :param height_m: Coordinate y of the plane; the default is 1.2 m above the lowest point, or the middle of a lower scene.
+        """
+        low, high = self.bounds[:, 1]
+        height = min(low + 1.2, (low + high) / 2) if height_m is None else check.number(height_m, "Scene.section", "height_m")
+        return self._model.section(float(height))
+
     def random_positions(self, count: int, *, height_m: float = 1.5, seed: int = 0) -> Floats:
         """Return free positions [count, 3] at ``height_m`` above the walkable floor.  The first n do not depend on ``count``."""
-        return self._model.random_positions(count, height_m, seed)
+        where = "Scene.random_positions"
+        places = check.integer(count, where, "count", 0, 1_000_000)
+        return self._model.random_positions(places, check.number(height_m, where, "height_m", 0, 10, above=True), check.seed(seed, where))
 
     def source(
         self,
         position: ArrayLike,
         *,
-        pattern: str = "omni",
+        pattern: str | os.PathLike[str] = "omni",
         heading_deg: float = 0,
         pitch_deg: float = 0,
         radius_m: float = 0,
@@ -341,11 +319,43 @@ class Scene:
             YAML).  Its front points to ``heading_deg`` and ``pitch_deg``.
         :param radius_m: Radius of a spherical source; 0 for a point.
         """
-        positions, single = _positions(position, "position")
-        if not single:
-            raise InputError(f"position: has shape {positions.shape}; give one position [3]")
-        x, y, z = (float(value) for value in positions[0])
-        return Source(_engine.SourceModel(self._model, x, y, z, str(pattern), heading_deg, pitch_deg, radius_m), self)
+        where = "Scene.source"
+        return Source(
+            self,
+            check.position(position, where, "position")[0],
+            check.path(pattern, where, "pattern"),
+            check.number(heading_deg, where, "heading_deg"),
+            check.number(pitch_deg, where, "pitch_deg"),
+            check.number(radius_m, where, "radius_m", 0, LONGEST_RADIUS_M),
+        )
+
+
+#: Scenes that are alive, so that what travels together shares one.
+_SCENES: weakref.WeakValueDictionary[tuple[Any, ...], Scene] = weakref.WeakValueDictionary()
+
+
+def _scene_of(key: tuple[Any, ...]) -> Scene:
+    """The scene of a recipe; refuses one whose content has changed since it was pickled."""
+    if (alive := _SCENES.get(key)) is not None and alive._key() == key:
+        return alive
+    spec, preset, settings, rate_hz, seed, unit_m, simplify_m, up, path, content = key
+    if path and os.path.abspath(spec) != path:
+        spec = path  # pickled in another folder
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # told where the scene was made
+        scene = Scene(
+            spec,
+            preset=preset,
+            settings=settings,
+            rate_hz=rate_hz,
+            seed=seed,
+            unit_m=unit_m,
+            simplify_m=simplify_m,
+            up=up or None,
+        )
+    if scene._model.hash != content:
+        raise InputError(f"{scene.name}: has changed since the scene was pickled; pickle it again")
+    return scene
 
 
 def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0) -> Metrics:
@@ -354,6 +364,19 @@ def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0)
     The parameters are those of the first channel; two channels also give the interaural cross-correlation.
 
     :param direct_delay_s: Arrival time of the direct sound.
+
+    >>> decay = 10 ** (-3 * np.arange(16000) / 16000 / 0.5)  # 60 dB in half a second
+    >>> noise = np.random.default_rng(1).standard_normal(16000)
+    >>> metrics = measure(noise * decay, 16000)
+    >>> bool(abs(metrics.t20_s[metrics.bands_hz == 1000][0] - 0.5) < 0.05)
+    True
     """
-    array = np.ascontiguousarray(rir, dtype=np.float32)
-    return Metrics(**_engine.measure_rir(np.atleast_2d(array), sample_rate_hz, direct_delay_s))
+    array = check.floats(rir, "measure", "rir")
+    if array.ndim not in (1, 2) or array.size == 0:
+        raise InputError(f"measure: rir has shape {array.shape}; give [samples] or [channels, samples]")
+    with np.errstate(over="ignore"):
+        samples = np.atleast_2d(array).astype(np.float32)
+    if not np.isfinite(samples).all():
+        raise InputError("measure: rir has values beyond the range of float32")
+    rate_hz = check.number(sample_rate_hz, "measure", "sample_rate_hz", 100, 1e7)
+    return Metrics(**_engine.measure_rir(samples, rate_hz, check.number(direct_delay_s, "measure", "direct_delay_s", 0)))

@@ -12,8 +12,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from ._batch import NUM_ACTIONS, SensorArrays, open_batch, require_gymnasium
-from ._engine import Batch, InputError
+from . import _arguments as check
+from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
+from ._engine import InputError
 
 Observation = dict[str, NDArray[Any]]
 
@@ -38,20 +39,35 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         copy: bool = True,
     ) -> None:
         require_gymnasium()
-        batch = open_batch(config, 1, overrides, split, {"autoreset": "off", "threads": threads}, 0)
+        keys = {"autoreset": "off", "threads": threads if threads is None else check.threads(threads, "parallel_env")}
+        copy = check.flag(copy, "parallel_env", "copy")
+        batch = open_batch(config, 1, overrides, split, keys, 0, "parallel_env")
+        self._attach(batch, copy)
+
+    def _attach(self, batch: Batch, copy: bool, *, started: bool = False, agents: Sequence[str] = ()) -> None:
         self._batch: Batch | None = batch
         self._sensors = SensorArrays(batch)
         self._copy = copy
-        self._started = False
+        self._started = started
         self._rewards = batch.rewards()
         self._terminated = batch.terminated()
         self._truncated = batch.truncated()
         self.render_mode = None
         self.possible_agents = [f"agent_{number}" for number in range(batch.num_agents)]
         self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
-        self.agents: list[str] = []
+        self.agents: list[str] = list(agents)
         self._action_spaces = {agent: spaces.Discrete(NUM_ACTIONS) for agent in self.possible_agents}
         self._observation_spaces = {agent: spaces.Dict(dict(self._sensors.space.spaces)) for agent in self.possible_agents}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """By the config and the state of the episode, as EarshotVectorEnv."""
+        return {"batch": self.batch, "copy": self._copy, "started": self._started, "agents": self.agents}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._attach(**state)
+
+    def __repr__(self) -> str:
+        return f"EarshotParallelEnv({'closed' if self._batch is None else f'{len(self.possible_agents)} agents'})"
 
     @property
     def batch(self) -> Batch:
@@ -60,16 +76,24 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         return self._batch
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
+        self._row(agent, "observation_space")
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
+        self._row(agent, "action_space")
         return self._action_spaces[agent]
+
+    def _row(self, agent: object, where: str) -> int:
+        return self._rows[check.one_of(agent, where, "agent", self.possible_agents)]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin the first episode of the seed's sequence, or without a seed the next episode.  options: not used."""
-        del options
+        if options is not None and not isinstance(options, Mapping):
+            raise TypeError(f"reset: options is {check.shown(options)}; give a dict")
+        if seed is not None:
+            seed = check.seed(seed, "reset")
         batch = self.batch
         if not self._started:
             batch.reset()
@@ -84,15 +108,17 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         self, actions: dict[str, int]
     ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Step all agents.  Actions of agents that have ended are ignored."""
+        batch = self.batch
+        if not isinstance(actions, Mapping):
+            raise TypeError(f"step: actions is {check.shown(actions)}; give a dict with one action per agent")
         if not self.agents:
             return {}, {}, {}, {}, {}
         missing = [agent for agent in self.agents if agent not in actions]
         if missing:
-            raise InputError(f"actions: missing for {', '.join(missing)}; give one action per agent in `agents`")
+            raise InputError(f"step: actions are missing for {', '.join(missing)}; give one action per agent in `agents`")
         row_actions = np.zeros(len(self.possible_agents), dtype=np.int32)
         for agent, action in actions.items():
-            row_actions[self._rows[agent]] = action
-        batch = self.batch
+            row_actions[self._row(agent, "step")] = check.integer(action, "step", f"actions['{agent}']", 0, NUM_ACTIONS - 1)
         batch.step(row_actions)
         acting = self.agents
         terminated = {agent: bool(self._terminated[self._rows[agent]]) for agent in acting}

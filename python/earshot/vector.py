@@ -13,8 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ._batch import NUM_ACTIONS, SensorArrays, open_batch, require_gymnasium
-from ._engine import Batch, InputError
+from . import _arguments as check
+from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
+from ._engine import InputError
 
 Observation = dict[str, NDArray[Any]]
 Info = dict[str, Any]
@@ -52,27 +53,42 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         first_env: int = 0,
     ) -> None:
         require_gymnasium()
-        keys = {"autoreset": _engine_mode(autoreset_mode), "threads": threads}
+        keys = {"autoreset": _engine_mode(autoreset_mode), "threads": threads if threads is None else check.threads(threads, "make_vec")}
+        copy = check.flag(copy, "make_vec", "copy")
         batch = open_batch(config, num_envs, overrides, split, keys, first_env)
         if batch.num_agents != 1:
             raise InputError(f"agents = {batch.num_agents}: a vector environment has one agent per env; use earshot.parallel_env")
+        self._attach(batch, copy, int(first_env))
+
+    def _attach(self, batch: Batch, copy: bool, first_env: int, *, started: bool = False) -> None:
         self._batch: Batch | None = batch
         self._sensors = SensorArrays(batch)
         self._copy = copy
-        self._started = False
+        self._started = started
         self._rewards = batch.rewards()
         self._terminated = batch.terminated().view(np.bool_)
         self._truncated = batch.truncated().view(np.bool_)
         self._quarantined = batch.quarantined().view(np.bool_)
-        self._actions = np.zeros(num_envs, dtype=np.int32)
 
-        self.num_envs = num_envs
+        self.num_envs = num_envs = batch.num_envs
         self.first_env = first_env
         self.metadata = {"autoreset_mode": _MODES[batch.autoreset], "render_modes": []}
         self.single_observation_space = self._sensors.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.single_action_space = spaces.Discrete(NUM_ACTIONS)
         self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """By the config and the state of the episodes: observations go on with the same bits in another process."""
+        return {"batch": self.batch, "copy": self._copy, "first_env": self.first_env, "started": self._started}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._attach(**state)
+
+    def __repr__(self) -> str:
+        if self._batch is None:
+            return "EarshotVectorEnv(closed)"
+        return f"EarshotVectorEnv({self.num_envs} envs, {', '.join(self._sensors.names)}, autoreset {self._batch.autoreset})"
 
     @property
     def batch(self) -> Batch:
@@ -103,7 +119,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         """
         batch = self.batch
         mask = self._reset_mask(options)
-        seeds = self._seeds(seed)
+        seeds = check.env_seeds(seed, self.num_envs, "reset")
         if not self._started:
             batch.reset()
             self._started = True
@@ -120,11 +136,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     def step(self, actions: NDArray[Any]) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], Info]:
         batch = self.batch
-        array = np.asarray(actions)
-        if array.shape != (self.num_envs,):
-            raise InputError(f"actions: have shape {array.shape}; give [{self.num_envs}]")
-        np.copyto(self._actions, array, casting="same_kind")
-        batch.step(self._actions)
+        batch.step(check.actions(actions, self.num_envs, "step"))
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
         return self._observations(), self._rewards.copy(), terminated, truncated, self._infos(terminated | truncated)
 
@@ -165,6 +177,8 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         return infos
 
     def _reset_mask(self, options: Mapping[str, Any] | None) -> NDArray[np.bool_]:
+        if options is not None and not isinstance(options, Mapping):
+            raise TypeError(f"reset: options is {check.shown(options)}; give a dict")
         if options is None or "reset_mask" not in options:
             return np.ones(self.num_envs, dtype=np.bool_)
         mask = options["reset_mask"]  # not removed from options: wrappers read it too
@@ -176,23 +190,13 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             raise ValueError("options['reset_mask'] needs a reset of all envs first; call reset() without it")
         return mask
 
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            if seed < 0:
-                raise ValueError(f"seed is {seed}; use a number from 0 up")
-            return [int(seed) + env for env in range(self.num_envs)]
-        seeds = [None if value is None else int(value) for value in seed]
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"seed has {len(seeds)} entries for {self.num_envs} envs; give one per env")
-        return seeds
-
 
 def _engine_mode(mode: str | AutoresetMode | None) -> str | None:
     if mode is None:
         return None
     for name, engine in _ENGINE_MODES.items():
-        if mode == name or mode == _MODES[engine]:
+        if mode is _MODES[engine] or (isinstance(mode, str) and mode == name):
             return engine
-    raise InputError(f"autoreset_mode is {mode}; use one of {', '.join(_ENGINE_MODES)}")
+    if not isinstance(mode, (str, AutoresetMode)):
+        raise TypeError(f"make_vec: autoreset_mode is {check.shown(mode)}; give a text")
+    raise InputError(f"make_vec: autoreset_mode is {check.shown(mode)}; give one of {', '.join(_ENGINE_MODES)}")

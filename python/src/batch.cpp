@@ -8,13 +8,13 @@
 #include <span>
 
 #include "earshot/env.h"
-#include "python/src/bindings.h"
+#include "python/src/running_batch.h"
 
 namespace earshot::python {
 namespace {
 
 /// Arrays refer to the Python object and keep it alive, so that none outlives the memory it shows.
-using Self = nb::handle_t<VectorEnv>;
+using Self = nb::handle_t<BatchHandle>;
 
 nb::dlpack::dtype dtype_of(SensorType type) {
   switch (type) {
@@ -46,7 +46,7 @@ const char* name_of(SensorType type) {
 
 /// Rows of a sensor, [rows, shape]: the memory of the batch itself.
 nb::ndarray<nb::numpy> rows_of(Self self, const std::string& sensor, bool last) {
-  const VectorEnv& env = *nb::inst_ptr<VectorEnv>(self);
+  const VectorEnv& env = *nb::inst_ptr<BatchHandle>(self)->batch->env;
   for (const SensorInfo& info : env.sensors()) {
     if (info.name != sensor) continue;
     const std::span<const std::byte> bytes = last ? env.final_rows(sensor) : env.rows(sensor);
@@ -60,21 +60,21 @@ nb::ndarray<nb::numpy> rows_of(Self self, const std::string& sensor, bool last) 
 /// An array [rows] that the batch owns.
 template <class T, std::span<const T> (VectorEnv::*values)() const>
 nb::ndarray<nb::numpy, T> view_of(Self self) {
-  const std::span<const T> rows = (nb::inst_ptr<VectorEnv>(self)->*values)();
+  const std::span<const T> rows = (*nb::inst_ptr<BatchHandle>(self)->batch->env.*values)();
   const std::size_t shape[1] = {rows.size()};
   return nb::ndarray<nb::numpy, T>(const_cast<T*>(rows.data()), 1, shape, self);
 }
 
-nb::list sensors_of(const VectorEnv& env) {
+nb::list sensors_of(const BatchHandle& self) {
   nb::list sensors;
-  for (const SensorInfo& info : env.sensors())
+  for (const SensorInfo& info : self.batch->env->sensors())
     sensors.append(nb::make_tuple(info.name, name_of(info.type), info.shape, info.units, info.low, info.high, info.privileged));
   return sensors;
 }
 
-nb::list finished_of(const VectorEnv& env) {
+nb::list finished_of(const BatchHandle& self) {
   nb::list finished;
-  for (const EpisodeResult& episode : env.finished()) {
+  for (const EpisodeResult& episode : look(self, "Batch.finished", [](const VectorEnv& env) { return env.finished(); })) {
     nb::dict metrics;
     metrics["success"] = episode.success;
     metrics["spl"] = episode.spl;
@@ -92,57 +92,56 @@ nb::list finished_of(const VectorEnv& env) {
   return finished;
 }
 
-std::span<const std::int32_t> flat(const Input<std::int32_t>& values) { return {values.data(), values.size()}; }
+template <class T>
+std::vector<T> copy_of(const Input<T>& values) {
+  return {values.data(), values.data() + values.size()};
+}
 nb::bytes bytes_of(const std::string& text) { return nb::bytes(text.data(), text.size()); }
-std::string_view text_of(const nb::bytes& bytes) { return {bytes.c_str(), bytes.size()}; }
+std::string text_of(const nb::bytes& bytes) { return {bytes.c_str(), bytes.size()}; }
 
-using BatchClass = nb::class_<VectorEnv>;
+using BatchClass = nb::class_<BatchHandle>;
+
+Array<std::int32_t> receive(const BatchHandle& handle, int min_ready, bool as_sent) {
+  std::vector<std::int32_t> ready = call(handle, "Batch.recv", [=](RunningBatch& batch) {
+    if (batch.ready.empty()) batch.ready = batch.env->recv(min_ready, as_sent);
+    return batch.ready;
+  });
+  handle.batch->ready.clear();
+  const std::size_t count = ready.size();
+  return array_of(std::move(ready), {count});
+}
 
 void bind_stepping(BatchClass& batch) {
   using namespace nb::literals;
-  const auto released = nb::call_guard<nb::gil_scoped_release>();
-  batch.def("reset", nb::overload_cast<>(&VectorEnv::reset), released);
+  using Ints = Input<std::int32_t>;
+  batch.def("reset", [](const BatchHandle& self) { call(self, "Batch.reset", [](RunningBatch& of) { of.env->reset(); }); });
   batch.def(
       "reset_masked",
-      [](VectorEnv& env, const Input<std::uint8_t>& mask, const Input<std::uint64_t>& seeds) {
-        const nb::gil_scoped_release free;
-        env.reset(std::span(mask.data(), mask.size()), std::span(seeds.data(), seeds.size()));
+      [](const BatchHandle& self, const Input<std::uint8_t>& mask, const Input<std::uint64_t>& seeds) {
+        call(self, "Batch.reset_masked", [mask = copy_of(mask), seeds = copy_of(seeds)](RunningBatch& of) { of.env->reset(mask, seeds); });
       },
       "mask"_a, "seeds"_a);
   batch.def(
       "step",
-      [](VectorEnv& env, const Input<std::int32_t>& actions) {
-        const nb::gil_scoped_release free;
-        env.step(flat(actions));
+      [](const BatchHandle& self, const Ints& actions) {
+        call(self, "Batch.step", [actions = copy_of(actions)](RunningBatch& of) { of.env->step(actions); });
       },
       "actions"_a);
   batch.def(
       "send",
-      [](VectorEnv& env, const Input<std::int32_t>& envs, const Input<std::int32_t>& actions) {
-        const nb::gil_scoped_release free;
-        env.send(flat(envs), flat(actions));
+      [](const BatchHandle& self, const Ints& envs, const Ints& actions) {
+        call(self, "Batch.send", [envs = copy_of(envs), actions = copy_of(actions)](RunningBatch& of) { of.env->send(envs, actions); });
       },
       "envs"_a, "actions"_a);
-  batch.def(
-      "recv",
-      [](VectorEnv& env, int min_ready, bool as_sent) {
-        std::vector<std::int32_t> ready;
-        {
-          const nb::gil_scoped_release free;
-          ready = env.recv(min_ready, as_sent);
-        }
-        const std::size_t count = ready.size();
-        return array_of(std::move(ready), {count});
-      },
-      "min_ready"_a, "as_sent"_a);
+  batch.def("recv", &receive, "min_ready"_a, "as_sent"_a);
 }
 
 void bind_properties(BatchClass& batch) {
-  batch.def_prop_ro("num_envs", &VectorEnv::num_envs);
-  batch.def_prop_ro("num_agents", &VectorEnv::num_agents);
-  batch.def_prop_ro("num_rows", &VectorEnv::num_rows);
-  batch.def_prop_ro("autoreset", &VectorEnv::autoreset);
-  batch.def_prop_ro("config_text", &VectorEnv::config_text);
+  batch.def_prop_ro("num_envs", [](const BatchHandle& self) { return self.batch->env->num_envs(); });
+  batch.def_prop_ro("num_agents", [](const BatchHandle& self) { return self.batch->env->num_agents(); });
+  batch.def_prop_ro("num_rows", [](const BatchHandle& self) { return self.batch->env->num_rows(); });
+  batch.def_prop_ro("autoreset", [](const BatchHandle& self) { return self.batch->env->autoreset(); });
+  batch.def_prop_ro("config_text", [](const BatchHandle& self) { return self.batch->env->config_text(); });
 }
 
 void bind_arrays(BatchClass& batch) {
@@ -167,34 +166,46 @@ void bind_episodes(BatchClass& batch) {
   batch.def("finished", &finished_of);
   batch.def(
       "pose",
-      [](const VectorEnv& env, int row) {
-        const AgentPose pose = env.pose(row);
+      [](const BatchHandle& self, int row) {
+        const AgentPose pose = look(self, "Batch.pose", [&](const VectorEnv& env) { return env.pose(row); });
         return nb::make_tuple(pose.position.x, pose.position.y, pose.position.z, pose.heading_rad);
       },
       "row"_a);
-  batch.def("scene_name", &VectorEnv::scene_name, "row"_a);
-  batch.def("episode_index", &VectorEnv::episode_index, "row"_a);
+  batch.def(
+      "scene_name",
+      [](const BatchHandle& self, int row) {
+        return look(self, "Batch.scene_name", [&](const VectorEnv& env) { return env.scene_name(row); });
+      },
+      "row"_a);
+  batch.def(
+      "episode_index",
+      [](const BatchHandle& self, int row) {
+        return look(self, "Batch.episode_index", [&](const VectorEnv& env) { return env.episode_index(row); });
+      },
+      "row"_a);
 }
 
 void bind_state(BatchClass& batch) {
   using namespace nb::literals;
   batch.def(
-      "snapshot", [](const VectorEnv& env, int number) { return bytes_of(env.snapshot(number)); }, "env"_a);
+      "snapshot",
+      [](const BatchHandle& self, int number) {
+        return bytes_of(look(self, "Batch.snapshot", [&](const VectorEnv& env) { return env.snapshot(number); }));
+      },
+      "env"_a);
   batch.def(
       "restore",
-      [](VectorEnv& env, int number, const nb::bytes& state) {
-        const std::string_view text = text_of(state);
-        const nb::gil_scoped_release free;
-        env.restore(number, text);
+      [](const BatchHandle& self, int number, const nb::bytes& state) {
+        call(self, "Batch.restore", [=, text = text_of(state)](RunningBatch& of) { of.env->restore(number, text); });
       },
       "env"_a, "state"_a);
-  batch.def("save_state", [](const VectorEnv& env) { return bytes_of(env.save_state()); });
+  batch.def("save_state", [](const BatchHandle& self) {
+    return bytes_of(look(self, "Batch.save_state", [](const VectorEnv& env) { return env.save_state(); }));
+  });
   batch.def(
       "restore_state",
-      [](VectorEnv& env, const nb::bytes& state) {
-        const std::string_view text = text_of(state);
-        const nb::gil_scoped_release free;
-        env.restore_state(text);
+      [](const BatchHandle& self, const nb::bytes& state) {
+        call(self, "Batch.restore_state", [text = text_of(state)](RunningBatch& of) { of.env->restore_state(text); });
       },
       "state"_a);
 }
@@ -207,12 +218,14 @@ void bind_batch(nb::module_& m) {
   using Texts = std::vector<std::string>;
   batch.def(
       "__init__",
-      [](VectorEnv* self, const std::string& yaml, const std::string& where, const Texts& overrides, const Texts& env_overrides,
+      [](BatchHandle* self, const std::string& yaml, const std::string& where, const Texts& overrides, const Texts& env_overrides,
          const std::string& split, int num_envs, int first_env) {
-        new (self) VectorEnv({yaml, where, Settings(overrides)}, num_envs, {split, first_env, Settings(env_overrides)});
+        new (self) BatchHandle{interruptible([=](const std::stop_token&) {
+          const VectorEnvOptions options{split, first_env, Settings(env_overrides)};
+          return std::make_shared<RunningBatch>(VectorEnv({yaml, where, Settings(overrides)}, num_envs, options));
+        })};
       },
-      "yaml"_a, "where"_a, "overrides"_a, "env_overrides"_a, "split"_a, "num_envs"_a, "first_env"_a,
-      nb::call_guard<nb::gil_scoped_release>());
+      "yaml"_a, "where"_a, "overrides"_a, "env_overrides"_a, "split"_a, "num_envs"_a, "first_env"_a);
   bind_stepping(batch);
   bind_properties(batch);
   bind_arrays(batch);

@@ -2,8 +2,10 @@
 // A response before any head: its paths, late energy and room-acoustic parameters as arrays.
 #include <nanobind/stl/string.h>
 
+#include <limits>
+
 #include "earshot/rir.h"
-#include "python/src/bindings.h"
+#include "python/src/interruptible.h"
 
 namespace earshot::python {
 namespace {
@@ -64,25 +66,20 @@ nb::ndarray<nb::numpy, const float> late_of(nb::handle_t<Response> self) {
 
 Array<float> render(const Response& response, double heading_deg, double pitch_deg, double roll_deg, const std::string& channels,
                     const std::string& hrtf) {
-  Rir rir;
-  {
-    const nb::gil_scoped_release released;
-    rir = response.render({heading_deg, pitch_deg, roll_deg, channels, hrtf});
-  }
+  Rir rir = interruptible([=, response = response](const std::stop_token&) {
+    return response.render({heading_deg, pitch_deg, roll_deg, channels, hrtf});
+  });
   const auto rows = static_cast<std::size_t>(rir.num_channels), samples = static_cast<std::size_t>(rir.num_samples);
   return array_of(std::move(rir.samples), {rows, samples});
 }
 
 nb::dict measure_rir(const Input<float>& rir, double sample_rate_hz, double direct_delay_s) {
   if (rir.ndim() != 2) throw InputError("rir", "has a wrong shape", "give [channels, samples]");
-  const Rir one{static_cast<int>(rir.shape(0)), static_cast<int>(rir.shape(1)), sample_rate_hz,
-                std::vector<float>(rir.data(), rir.data() + rir.size())};
-  Metrics metrics;
-  {
-    const nb::gil_scoped_release released;
-    metrics = measure(one, direct_delay_s);
-  }
-  return dict_of(std::move(metrics));
+  constexpr std::size_t kMostNumbers = std::numeric_limits<int>::max();
+  if (rir.size() > kMostNumbers) throw InputError("rir", "is too long", "give at most 2^31 - 1 numbers");
+  Rir one{static_cast<int>(rir.shape(0)), static_cast<int>(rir.shape(1)), sample_rate_hz,
+          std::vector<float>(rir.data(), rir.data() + rir.size())};
+  return dict_of(interruptible([direct_delay_s, one = std::move(one)](const std::stop_token&) { return measure(one, direct_delay_s); }));
 }
 
 }  // namespace
@@ -93,12 +90,7 @@ void bind_response(nb::module_& m) {
       .def("arrivals", &arrivals_of)
       .def("metrics",
            [](const Response& response) {
-             Metrics metrics;
-             {
-               const nb::gil_scoped_release released;
-               metrics = response.metrics();
-             }
-             return dict_of(std::move(metrics));
+             return dict_of(interruptible([response](const std::stop_token&) { return response.metrics(); }));
            })
       .def("late", &late_of)
       .def_prop_ro("bin_s", [](const Response& response) { return response.late().bin_s; })

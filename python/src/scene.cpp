@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "python/src/bindings.h"
+#include "python/src/interruptible.h"
 
 namespace earshot::python {
 namespace {
@@ -55,36 +55,39 @@ Array<float> rirs_of(std::vector<Rir> rirs) {
 std::tuple<double, double, double> triple(const Vec3& v) { return {v.x, v.y, v.z}; }
 
 Array<double> random_places(const Scene& scene, int count, double height_m, std::uint64_t seed) {
-  std::vector<double> numbers;
-  {
-    const nb::gil_scoped_release released;
-    for (const Vec3& place : scene.random_positions(count, {height_m, seed})) numbers.insert(numbers.end(), {place.x, place.y, place.z});
-  }
+  std::vector<double> numbers = interruptible([=, scene = scene](const std::stop_token&) {
+    std::vector<double> drawn;
+    for (const Vec3& place : scene.random_positions(count, {height_m, seed})) drawn.insert(drawn.end(), {place.x, place.y, place.z});
+    return drawn;
+  });
   const std::size_t rows = numbers.size() / 3;
   return array_of(std::move(numbers), {rows, 3});
 }
 
 nb::list plan_of(const Scene& scene) {
-  std::vector<EffectDecision> decisions;
-  {
-    const nb::gil_scoped_release released;
-    decisions = scene.plan();
-  }
   nb::list plan;
-  for (const EffectDecision& line : decisions)
+  for (const EffectDecision& line : interruptible([scene = scene](const std::stop_token&) { return scene.plan(); }))
     plan.append(nb::make_tuple(line.effect, line.decision, line.on, line.change, line.unit, line.kind, line.saved_ms, line.why));
   return plan;
 }
 
+/// [segments, 2, 3]
+Array<double> section_of(const Scene& scene, double height_m) {
+  std::vector<double> numbers = interruptible([height_m, scene = scene](const std::stop_token&) {
+    std::vector<double> ends;
+    for (const auto& segment : scene.section(height_m))
+      for (const Vec3& end : segment) ends.insert(ends.end(), {end.x, end.y, end.z});
+    return ends;
+  });
+  const std::size_t rows = numbers.size() / 6;
+  return array_of(std::move(numbers), {rows, 2, 3});
+}
+
 Array<float> render_all(const Source& source, const Numbers& positions, const Numbers& angles_deg, const std::string& channels,
                         const std::string& hrtf, int threads) {
-  const std::vector<Listener> listeners = listeners_of(positions, angles_deg);
-  std::vector<Rir> rirs;
-  {
-    const nb::gil_scoped_release released;
-    rirs = source.render_all(listeners, {channels, hrtf, threads});
-  }
-  return rirs_of(std::move(rirs));
+  return rirs_of(interruptible([=, source = source, listeners = listeners_of(positions, angles_deg)](const std::stop_token& stop) {
+    return source.render_all(listeners, {channels, hrtf, threads, stop});
+  }));
 }
 
 nb::dict dict_of(const AccuracyChoice& choice) {
@@ -98,12 +101,9 @@ nb::dict dict_of(const AccuracyChoice& choice) {
 }
 
 nb::dict plan_accuracy(const Source& source, const std::string& target, const Numbers& positions, double responses) {
-  const std::vector<Vec3> places = places_of(positions);
-  AccuracyPlan plan;
-  {
-    const nb::gil_scoped_release released;
-    plan = source.plan_accuracy(target, places, responses);
-  }
+  const AccuracyPlan plan = interruptible([=, source = source, places = places_of(positions)](const std::stop_token&) {
+    return source.plan_accuracy(target, places, responses);
+  });
   nb::list tried;
   for (const AccuracyChoice& choice : plan.tried) tried.append(dict_of(choice));
   nb::dict dict;
@@ -115,26 +115,26 @@ nb::dict plan_accuracy(const Source& source, const std::string& target, const Nu
 }
 
 std::vector<Response> respond_all(const Source& source, const Numbers& positions, const std::string& channels, int threads) {
-  const std::vector<Vec3> places = places_of(positions);
-  const nb::gil_scoped_release released;
-  return source.responses(places, {.channels = channels, .threads = threads});
+  return interruptible([=, source = source, places = places_of(positions)](const std::stop_token& stop) {
+    return source.responses(places, {.channels = channels, .threads = threads, .stop = stop});
+  });
 }
 
 }  // namespace
 
 void bind_scene(nb::module_& m) {
   using namespace nb::literals;
-  const auto released = nb::call_guard<nb::gil_scoped_release>();
   nb::class_<Scene>(m, "SceneModel")
       .def(
           "__init__",
           [](Scene* self, const std::string& spec, const std::string& preset, const std::vector<std::string>& settings,
              std::optional<double> rate_hz, std::optional<std::uint64_t> seed, std::optional<double> unit_m,
              std::optional<double> simplify_m, const std::string& up) {
-            new (self) Scene(spec, {preset, Settings(settings), rate_hz, seed, unit_m, simplify_m, up});
+            new (self) Scene(interruptible([=](const std::stop_token&) {
+              return Scene(spec, {preset, Settings(settings), rate_hz, seed, unit_m, simplify_m, up});
+            }));
           },
-          "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), "up"_a,
-          released)
+          "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), "up"_a)
       .def_prop_ro("name", &Scene::name)
       .def_prop_ro("hash", &Scene::hash)
       .def_prop_ro("num_triangles", &Scene::num_triangles)
@@ -142,9 +142,11 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("bounds", [](const Scene& s) { return std::tuple(triple(s.bounds().lower), triple(s.bounds().upper)); })
       .def_prop_ro("sample_rate_hz", &Scene::sample_rate_hz)
       .def_prop_ro("seed", &Scene::seed)
-      .def("rir_length_s", &Scene::rir_length_s, released)
-      .def("bands_hz", &Scene::bands_hz, released)
+      .def("rir_length_s",
+           [](const Scene& scene) { return interruptible([scene](const std::stop_token&) { return scene.rir_length_s(); }); })
+      .def("bands_hz", [](const Scene& scene) { return interruptible([scene](const std::stop_token&) { return scene.bands_hz(); }); })
       .def("plan", &plan_of)
+      .def("section", &section_of, "height_m"_a)
       .def("random_positions", &random_places, "count"_a, "height_m"_a, "seed"_a);
 
   nb::class_<Source>(m, "SourceModel")
@@ -152,7 +154,9 @@ void bind_scene(nb::module_& m) {
           "__init__",
           [](Source* self, const Scene& scene, double x, double y, double z, const std::string& pattern, double heading_deg,
              double pitch_deg, double radius_m) {
-            new (self) Source(scene.source({x, y, z}, {pattern, heading_deg, pitch_deg, radius_m}));
+            new (self) Source(interruptible([=](const std::stop_token&) {
+              return scene.source({x, y, z}, {pattern, heading_deg, pitch_deg, radius_m});
+            }));
           },
           "scene"_a, "x"_a, "y"_a, "z"_a, "pattern"_a, "heading_deg"_a, "pitch_deg"_a, "radius_m"_a)
       .def("render", &render_all, "positions"_a, "angles_deg"_a, "channels"_a, "hrtf"_a, "threads"_a)

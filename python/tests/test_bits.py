@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import earshot
 from earshot import _engine
-from earshot._engine import Batch
+from earshot._engine_batch import Batch
 
 PINNED = Path(__file__).parents[2] / "tests" / "pinned"
 #: An installed wheel transforms sound by other libraries than the program, whose sound differs by rounding.

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of arguments: each error is one line that names the function and the argument."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import operator
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._engine import InputError
+
+NUM_ACTIONS = 4  #: stop, forward, left, right
+LARGEST_SEED = 2**64 - 1
+MOST_THREADS = 1024
+FARTHEST_M = 1e9  #: of a coordinate
+
+
+def shown(value: object) -> str:
+    """A short text without line ends."""
+    if isinstance(value, (str, bytes, int, float, type(None))):
+        try:
+            text = repr(value)
+        except ValueError:  # an integer of thousands of digits
+            return f"an {type(value).__name__} out of range"
+        return text if len(text) <= 60 else text[:57] + "..."
+    if isinstance(value, np.generic):
+        return str(value)[:60].replace("\n", " ")
+    return f"of type {type(value).__name__}"
+
+
+def integer(value: object, where: str, name: str, low: int, high: int) -> int:
+    """Python's and numpy's integers; no bool."""
+    if isinstance(value, (bool, np.bool_, np.ndarray)) or not hasattr(type(value), "__index__"):
+        raise TypeError(f"{where}: {name} is {shown(value)}; give an integer")
+    found = operator.index(value)  # type: ignore[arg-type]
+    if not low <= found <= high:
+        raise InputError(f"{where}: {name} is {shown(found)}; give an integer from {low} to {high}")
+    return found
+
+
+def seed(value: object, where: str, name: str = "seed") -> int:
+    return integer(value, where, name, 0, LARGEST_SEED)
+
+
+def threads(value: object, where: str) -> int:
+    return integer(value, where, "threads", 0, MOST_THREADS)
+
+
+def number(value: object, where: str, name: str, low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> float:
+    """Finite.  above: more than `low`, not at least."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
+        raise TypeError(f"{where}: {name} is {shown(value)}; give a number")
+    try:
+        found = float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise InputError(f"{where}: {name} is {found}; give a finite number")
+    if not (low < found if above else low <= found) or found > high:
+        limits = f"{'above' if above else 'of at least'} {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
+        raise InputError(f"{where}: {name} is {found:g}; give a number {limits}")
+    return found
+
+
+def flag(value: object, where: str, name: str) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{where}: {name} is {shown(value)}; give True or False")
+    return bool(value)
+
+
+def text(value: object, where: str, name: str) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{where}: {name} is {shown(value)}; give a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{where}: {name} is {ascii(value)[:60]}, which is no Unicode text") from None
+    if "\0" in value:
+        raise InputError(f"{where}: {name} is {shown(value)}, which contains a null character")
+    return str(value)
+
+
+def path(value: object, where: str, name: str) -> str:
+    """A text or a path."""
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    return text(value, where, name)
+
+
+def one_of(value: object, where: str, name: str, choices: Sequence[str]) -> str:
+    found = text(value, where, name)
+    if found not in choices:
+        raise InputError(f"{where}: {name} is {shown(found)}; give one of {', '.join(choices)}")
+    return found
+
+
+def texts(values: object, where: str, name: str) -> list[str]:
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
+        raise TypeError(f"{where}: {name} is {shown(values)}; give a list of texts")
+    return [text(value, where, f"{name}[{index}]") for index, value in enumerate(values)]
+
+
+def settings(values: object, where: str) -> list[str]:
+    """As "key=value" texts."""
+    if not isinstance(values, Mapping):
+        found = texts(values, where, "settings")
+        for one in found:
+            if "=" not in one:
+                raise InputError(f"{where}: settings has {shown(one)}; write it as 'key=value'")
+        return found
+    return [f"{text(key, where, 'a key of settings')}={_setting(value, where, key)}" for key, value in values.items()]
+
+
+def _setting(value: object, where: str, key: str) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "on" if value else "off"
+    if isinstance(value, os.PathLike):
+        return path(value, where, f"settings['{key}']")
+    if isinstance(value, str):
+        return text(value, where, f"settings['{key}']")
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        if isinstance(value, int) and abs(value) > 2**64:
+            raise InputError(f"{where}: settings['{key}'] is {shown(value)}, which no setting takes")
+        return str(value)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return "[" + ", ".join(_setting(one, where, key) for one in value) + "]"
+    raise TypeError(f"{where}: settings['{key}'] is {shown(value)}; give a number, a text or a bool")
+
+
+def floats(value: object, where: str, name: str) -> NDArray[np.float64]:
+    """Finite numbers of any shape, contiguous."""
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError, OverflowError):
+        raise InputError(f"{where}: {name} has rows of different lengths; give numbers") from None
+    if array.size and array.dtype.kind not in "iuf":
+        what = shown(value) if array.ndim == 0 else f"an array of {array.dtype}"
+        raise TypeError(f"{where}: {name} is {what}; give numbers")
+    array = np.array(array, dtype=np.float64, order="C")
+    if not np.isfinite(array).all():
+        raise InputError(f"{where}: {name} has the value {array[~np.isfinite(array)].flat[0]}; give finite numbers")
+    return array
+
+
+def positions(value: object, where: str, name: str) -> tuple[NDArray[np.float64], bool]:
+    """As [n, 3], and whether it was a single one."""
+    array = floats(value, where, name)
+    single = array.shape == (3,)
+    if not single and (array.ndim != 2 or array.shape[1] != 3):
+        raise InputError(f"{where}: {name} has shape {array.shape}; give one position [3] or several [n, 3]")
+    if array.size and np.abs(array).max() > FARTHEST_M:
+        raise InputError(f"{where}: {name} has the coordinate {array.flat[np.abs(array).argmax()]:g}; give metres, at most {FARTHEST_M:g}")
+    return array.reshape(-1, 3), single
+
+
+def position(value: object, where: str, name: str) -> NDArray[np.float64]:
+    array, single = positions(value, where, name)
+    if not single:
+        raise InputError(f"{where}: {name} has shape {array.shape}; give one position [3]")
+    return array
+
+
+def actions(value: object, count: int, where: str) -> NDArray[np.int32]:
+    """[count]: checked before the cast, which would wrap."""
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError, OverflowError):
+        raise InputError(f"{where}: actions have rows of different lengths; give [{count}] integers") from None
+    if array.shape != (count,):
+        raise InputError(f"{where}: actions have shape {array.shape}; give [{count}] integers")
+    if count and array.dtype.kind not in "iu":
+        raise TypeError(f"{where}: actions are of type {array.dtype}; give integers from 0 to {NUM_ACTIONS - 1}")
+    if count and not (array.min() >= 0 and array.max() < NUM_ACTIONS):
+        wrong = array[(array < 0) | (array >= NUM_ACTIONS)][0]
+        raise InputError(f"{where}: actions have the value {wrong}; give integers from 0 to {NUM_ACTIONS - 1}")
+    return array.astype(np.int32)
+
+
+def env_seeds(value: object, num_envs: int, where: str) -> list[int | None]:
+    """One per env: of an integer, that plus the number of the env."""
+    if value is None:
+        return [None] * num_envs
+    if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes)) and np.ndim(value) > 0:
+        if len(value) != num_envs:
+            raise InputError(f"{where}: seed has {len(value)} entries for {num_envs} envs")
+        return [None if one is None else seed(one, where, f"seed[{index}]") for index, one in enumerate(value)]
+    first = integer(value, where, "seed", 0, LARGEST_SEED - num_envs + 1)
+    return [first + env for env in range(num_envs)]
+
+
+def config_text(config: Mapping[str, Any], where: str) -> str:
+    """A config as JSON; numpy's numbers and arrays and paths are written as Python's."""
+    import json
+
+    def plain(value: object) -> object:
+        if isinstance(value, (np.generic, np.ndarray)):
+            return value.tolist()
+        if isinstance(value, Mapping):
+            return dict(value)
+        if isinstance(value, os.PathLike):
+            return os.fspath(value)
+        raise TypeError(f"{where}: config has a value {shown(value)}; give numbers, texts, bools, lists and dicts")
+
+    try:
+        return text(json.dumps(config if isinstance(config, dict) else dict(config), default=plain, allow_nan=False), where, "config")
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        circular = "ircular" in str(error)
+        raise InputError(f"{where}: config {'contains itself' if circular else 'has a value that is not finite'}") from None
+    except RecursionError:
+        raise InputError(f"{where}: config is nested too deeply") from None
+    except TypeError as error:
+        raise TypeError(str(error) if str(error).startswith(where) else f"{where}: config has a key that is no text") from None

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forks wait for calls of the engine that run, so that no lock of it is held for ever in the child; so does the end of the process."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+
+from . import _engine
+
+PATIENCE_S = 60.0
+
+
+def _at_exit() -> None:
+    # After an unhandled Ctrl-C the process ends by the signal, past what would take memory from under a call.
+    if getattr(sys, "last_type", None) is KeyboardInterrupt and not hasattr(sys, "ps1"):
+        return
+    if not _engine.wait_until_idle(PATIENCE_S):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(1)
+
+
+os.register_at_fork(
+    before=_engine.before_fork,
+    after_in_parent=_engine.after_fork_in_parent,
+    after_in_child=_engine.after_fork_in_child,
+)
+atexit.register(_at_exit)
