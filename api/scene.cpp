@@ -129,6 +129,7 @@ std::vector<Vec3> Scene::random_positions(int count, const PlaceOptions& options
   const Navmesh navmesh(scene.mesh(), NavmeshConfig{});
   std::vector<Vec3> positions;
   for (int i = 0; i < count; ++i) {
+    if (options.stop.stop_requested()) throw RunError("random_positions", "was stopped by the caller");
     const RandomStream random(options.seed, Purpose::episode, static_cast<std::uint32_t>(i));
     bool found = false;
     for (std::uint32_t draw = 0; draw < tries && !found; ++draw) {

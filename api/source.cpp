@@ -168,7 +168,8 @@ std::vector<Response> Source::responses(std::span<const Vec3> listeners, const B
   return responses;
 }
 
-AccuracyPlan Source::plan_accuracy(const std::string& target, std::span<const Vec3> listeners, double responses) const {
+AccuracyPlan Source::plan_accuracy(const std::string& target, std::span<const Vec3> listeners, double responses,
+                                   const std::stop_token& stop) const {
   require(!listeners.empty(), "listeners", listeners.size(), "must be at least one: errors are those at places");
   const double wanted = responses == 0 ? static_cast<double>(listeners.size()) : responses;
   require(wanted > 0 && wanted <= 1e12, "responses", wanted, "must be in (0, 1e12]");
@@ -179,8 +180,8 @@ AccuracyPlan Source::plan_accuracy(const std::string& target, std::span<const Ve
     places.push_back(scene.scene().to_local(glm_of(listener)));
   }
   model_->check_places(scene.acoustics(), listeners);
-  const earshot::AccuracyPlan found =
-      earshot::plan_accuracy(*scene.acoustics(), AccuracyTarget::parse(target), model_->source(), std::move(places), wanted);
+  const earshot::AccuracyPlan found = earshot::plan_accuracy(*scene.acoustics(), AccuracyTarget::parse(target), model_->source(),
+                                                             std::move(places), wanted, [&](double) { throw_if_stopped(stop); });
   AccuracyPlan plan;
   for (const earshot::AccuracyChoice& choice : found.tried)
     plan.tried.push_back({.method = choice.method,

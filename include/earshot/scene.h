@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,7 @@ struct EffectDecision {
 struct PlaceOptions {
   double height_m = 1.5;  ///< above the floor, (0, 10]
   std::uint64_t seed = 0;
+  std::stop_token stop = {};  ///< a request to stop ends the call with a RunError, at the next place
 };
 
 /// A scene with acoustic settings.

@@ -89,8 +89,10 @@ class Source {
   /// @param target     "t20=5%,drr=1dB,edc=1dB", or some of these.
   /// @param listeners  positions at which settings are tried.
   /// @param responses  number of responses that the source is for; 0: one per listener.
+  /// @param stop       a request to stop ends the call with a RunError, at the next part of a trial.
   /// @throws InputError if no candidate meets the target.
-  [[nodiscard]] AccuracyPlan plan_accuracy(const std::string& target, std::span<const Vec3> listeners, double responses = 0) const;
+  [[nodiscard]] AccuracyPlan plan_accuracy(const std::string& target, std::span<const Vec3> listeners, double responses = 0,
+                                           const std::stop_token& stop = {}) const;
 
   struct Model;
   explicit Source(std::shared_ptr<Model> model) : model_(std::move(model)) {}  ///< for the library: use Scene::source

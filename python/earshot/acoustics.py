@@ -208,8 +208,8 @@ class Scene:
             None if simplify_m is None else check.number(simplify_m, "Scene", "simplify_m", 0),
             "" if up is None else check.one_of(up, "Scene", "up", ("y", "z")),
         )
-        name, preset, texts, *rest = self._recipe
-        self._model = _engine.SceneModel(name, preset, list(texts), *rest)
+        name, of_preset, texts, *_ = self._recipe
+        self._model = _engine.SceneModel(name, of_preset, list(texts), *self._recipe[3:])
         self._num_told = 0
         self._tell()
         _SCENES.setdefault(self._key(), self)

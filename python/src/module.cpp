@@ -2,6 +2,7 @@
 #include <nanobind/stl/string.h>
 
 #include <exception>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -21,18 +22,42 @@ std::string without_command_line(std::string text) {
   return text;
 }
 
+/// As PyErr_SetString, which fails for bytes of files in a message that are no UTF-8.
+void set_error(PyObject* type, const std::string& text) {
+  if (PyObject* message = PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace"); message != nullptr) {
+    PyErr_SetObject(type, message);
+    Py_DECREF(message);
+  }
+}
+
+/// The batch by its name in Python.
+std::string with_names_of_python(std::string text) {
+  constexpr std::string_view kClass = "BatchedEnv";
+  if (text.starts_with(kClass)) text.replace(0, kClass.size(), "Batch");
+  if (const auto at = text.find("::"); at != std::string::npos) text.replace(at, 2, ".");
+  return text;
+}
+
 }  // namespace
 
 void bind_errors(nb::module_& m) {
-  nb::exception<RunError>(m, "RunError", PyExc_RuntimeError);
+  static const nb::handle run_error = nb::exception<RunError>(m, "RunError", PyExc_RuntimeError).release();
   static const nb::handle input_error = nb::exception<InputError>(m, "InputError", PyExc_ValueError).release();
   nb::register_exception_translator([](const std::exception_ptr& error, void*) {
     try {
       std::rethrow_exception(error);
     } catch (const InputError& input) {
-      PyErr_SetString(input_error.ptr(), without_command_line(input.what()).c_str());
+      set_error(input_error.ptr(), without_command_line(input.what()));
+    } catch (const RunError& run) {
+      set_error(run_error.ptr(), run.what());
+    } catch (const std::out_of_range& range) {
+      set_error(PyExc_IndexError, with_names_of_python(range.what()));
+    } catch (const std::invalid_argument& argument) {
+      set_error(PyExc_ValueError, with_names_of_python(argument.what()));
+    } catch (const std::logic_error& misuse) {
+      set_error(PyExc_RuntimeError, with_names_of_python(misuse.what()));
     } catch (const std::system_error& system) {
-      PyErr_SetString(PyExc_RuntimeError, system.what());
+      set_error(PyExc_RuntimeError, system.what());
     }
   });
 }

@@ -55,9 +55,9 @@ Array<float> rirs_of(std::vector<Rir> rirs) {
 std::tuple<double, double, double> triple(const Vec3& v) { return {v.x, v.y, v.z}; }
 
 Array<double> random_places(const Scene& scene, int count, double height_m, std::uint64_t seed) {
-  std::vector<double> numbers = interruptible([=, scene = scene](const std::stop_token&) {
+  std::vector<double> numbers = interruptible([=, scene = scene](const std::stop_token& stop) {
     std::vector<double> drawn;
-    for (const Vec3& place : scene.random_positions(count, {height_m, seed})) drawn.insert(drawn.end(), {place.x, place.y, place.z});
+    for (const Vec3& place : scene.random_positions(count, {height_m, seed, stop})) drawn.insert(drawn.end(), {place.x, place.y, place.z});
     return drawn;
   });
   const std::size_t rows = numbers.size() / 3;
@@ -101,8 +101,8 @@ nb::dict dict_of(const AccuracyChoice& choice) {
 }
 
 nb::dict plan_accuracy(const Source& source, const std::string& target, const Numbers& positions, double responses) {
-  const AccuracyPlan plan = interruptible([=, source = source, places = places_of(positions)](const std::stop_token&) {
-    return source.plan_accuracy(target, places, responses);
+  const AccuracyPlan plan = interruptible([=, source = source, places = places_of(positions)](const std::stop_token& stop) {
+    return source.plan_accuracy(target, places, responses, stop);
   });
   nb::list tried;
   for (const AccuracyChoice& choice : plan.tried) tried.append(dict_of(choice));

@@ -20,7 +20,6 @@ import earshot
 CHEAP = {
     **SMALL,
     "threads": 1,
-    "task": {"max_steps": 4},
     "observation": {"camera": {"width_px": 8, "height_px": 8}, "pointgoal": True},
     "acoustics": {"preset": "fast", "rir_length_s": 0.05, "rays": 32, "field": "off"},
 }

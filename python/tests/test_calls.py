@@ -82,10 +82,11 @@ def test_errors_name_function_and_argument(scene: earshot.Scene, small: Make, tm
 def test_an_unknown_split_and_a_wrong_key_are_told_in_pythons_words(small: Make, tmp_path: Path) -> None:
     config = small()
     episodes = config.pop("episodes")
-    for call in (
+    calls: list[Callable[[], Any]] = [
         lambda: earshot.make_vec({"env": config, "data": {"train": episodes}}, split="x"),
         lambda: earshot.make_vec(small(task={"max_steps": -1})),
-    ):
+    ]
+    for call in calls:
         with pytest.raises(earshot.InputError) as caught:
             call()
         assert re.search(r"\bx\b|max_steps", str(caught.value))
@@ -97,7 +98,7 @@ def test_numbers_of_numpy_and_paths_are_arguments(scene: earshot.Scene, small: M
         np.str_(ROOM),
         preset="fast",
         settings={"rir_length_s": np.float64(0.1), "rays": np.int64(64)},
-        seed=np.uint64(0),
+        seed=np.uint64(0),  # type: ignore[arg-type]
         rate_hz=np.float32(16000),  # type: ignore[arg-type]
     )
     place = np.array([4, 1.5, 2], dtype=np.float32)

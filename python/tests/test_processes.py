@@ -82,10 +82,11 @@ def test_a_file_is_found_from_another_folder_and_refused_once_changed(tmp_path: 
 
 def test_deep_copies_work(small: Make) -> None:
     source = room().source([2, 1.5, 2])
-    things = copy.deepcopy({"source": source, "response": source.response(PLACES[0]), "config": small()})
-    assert np.array_equal(things["source"].render(PLACES), source.render(PLACES))
+    again, response, config = copy.deepcopy((source, source.response(PLACES[0]), small()))
+    assert np.array_equal(again.render(PLACES), source.render(PLACES))
+    assert np.array_equal(response.render(), source.render(PLACES[0]))
     assert np.array_equal(copy.copy(source).render(PLACES), source.render(PLACES))
-    assert things["config"] == small()
+    assert config == small()
 
 
 def walk(envs: Any, steps: int) -> list[NDArray[Any]]:
