@@ -16,7 +16,8 @@ def _at_exit() -> None:
     # After an unhandled Ctrl-C the process ends by the signal, past what would take memory from under a call.
     if getattr(sys, "last_type", None) is KeyboardInterrupt and not hasattr(sys, "ps1"):
         return
-    if not _engine.wait_until_idle(PATIENCE_S):
+    # A stub of the engine, from which the documentation is made, says nothing.
+    if _engine.wait_until_idle(PATIENCE_S) is False:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(1)
