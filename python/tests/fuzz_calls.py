@@ -58,6 +58,7 @@ angles = st.floats(-720, 720)
 channels = st.sampled_from(["mono", "binaural", "ambisonic:1", "mono:cardioid"])
 seeds = st.integers(0, 2**64 - 1)
 threads = st.integers(0, 3)
+acts = st.lists(st.integers(0, 3), min_size=2, max_size=2) | st.just(np.array([1, 2], np.uint8))
 
 
 class Things:
@@ -83,7 +84,10 @@ def finite(rir: Any) -> None:
     assert np.isfinite(rir).all()
 
 
-def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.SearchStrategy[Any]]]]:
+Call = tuple[str, Callable[..., Any], dict[str, st.SearchStrategy[Any]]]
+
+
+def scene_calls(on: Things) -> list[Call]:
     """Name, function, and right values of its arguments.  Results that are wrong raise AssertionError."""
 
     def scene(**arguments: Any) -> None:
@@ -91,49 +95,13 @@ def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.Search
         assert made.num_triangles > 0
         assert repr(made)
 
-    def render(**arguments: Any) -> None:
-        finite(on.source.render(**arguments))
-
     def source(**arguments: Any) -> None:
         finite(on.scene.source(**arguments).render([3, 1.2, 3], channels="mono"))
-
-    def responses(**arguments: Any) -> None:
-        for one in on.source.responses(**arguments):
-            assert one.metrics.t20_s.shape == on.scene.bands_hz.shape
 
     def positions(**arguments: Any) -> None:
         found = on.scene.random_positions(**arguments)
         assert found.shape == (arguments["count"], 3)
 
-    def step(envs: Any, **arguments: Any) -> None:
-        obs, rewards, *_ = envs.step(**arguments)
-        assert np.isfinite(rewards).all()
-        assert envs.observation_space.contains(obs)
-
-    def reset(envs: Any, **arguments: Any) -> None:
-        obs, _ = envs.reset(**arguments)
-        assert envs.observation_space.contains(obs)
-
-    def make(function: Callable[..., Any], **arguments: Any) -> None:
-        made = function(arguments.pop("config"), **arguments)
-        made.reset(seed=1)
-        made.close()
-
-    def finished_pair(**arguments: Any) -> None:
-        if not on.pair.agents:
-            on.pair.reset()
-        on.pair.step(**arguments)
-
-    config = st.just(SMALL)
-    batch = on.batch
-    row, env = st.integers(0, 1), st.integers(0, 1)
-    acts = st.lists(st.integers(0, 3), min_size=2, max_size=2) | st.just(np.array([1, 2], np.uint8))
-    common = {
-        "overrides": st.just([]) | st.just(["task.max_steps=5"]),
-        "split": st.just("train"),
-        "threads": threads,
-        "copy": st.booleans(),
-    }
     return [
         (
             "Scene",
@@ -162,6 +130,18 @@ def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.Search
                 "radius_m": st.floats(0, 0.2),
             },
         ),
+    ]
+
+
+def response_calls(on: Things) -> list[Call]:
+    def render(**arguments: Any) -> None:
+        finite(on.source.render(**arguments))
+
+    def responses(**arguments: Any) -> None:
+        for one in on.source.responses(**arguments):
+            assert one.metrics.t20_s.shape == on.scene.bands_hz.shape
+
+    return [
         (
             "Source.render",
             render,
@@ -196,6 +176,39 @@ def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.Search
                 "direct_delay_s": st.floats(0, 1),
             },
         ),
+        ("pickle", lambda: pickle.loads(pickle.dumps((on.scene, on.source, on.response))), {}),
+        ("html", lambda: [thing._repr_html_() for thing in (on.scene, on.source, on.response, on.response.metrics)], {}),
+    ]
+
+
+def env_calls(on: Things) -> list[Call]:
+    def step(envs: Any, **arguments: Any) -> None:
+        obs, rewards, *_ = envs.step(**arguments)
+        assert np.isfinite(rewards).all()
+        assert envs.observation_space.contains(obs)
+
+    def reset(envs: Any, **arguments: Any) -> None:
+        obs, _ = envs.reset(**arguments)
+        assert envs.observation_space.contains(obs)
+
+    def make(function: Callable[..., Any], **arguments: Any) -> None:
+        made = function(arguments.pop("config"), **arguments)
+        made.reset(seed=1)
+        made.close()
+
+    def finished_pair(**arguments: Any) -> None:
+        if not on.pair.agents:
+            on.pair.reset()
+        on.pair.step(**arguments)
+
+    config = st.just(SMALL)
+    common = {
+        "overrides": st.just([]) | st.just(["task.max_steps=5"]),
+        "split": st.just("train"),
+        "threads": threads,
+        "copy": st.booleans(),
+    }
+    return [
         (
             "make_vec",
             lambda **a: make(earshot.make_vec, **a),
@@ -227,6 +240,13 @@ def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.Search
         ("ParallelEnv.reset", lambda **a: on.pair.reset(**a), {"seed": st.none() | seeds, "options": st.none()}),
         ("ParallelEnv.action_space", on.pair.action_space, {"agent": st.just("agent_0")}),
         ("ParallelEnv.observation_space", on.pair.observation_space, {"agent": st.just("agent_1")}),
+    ]
+
+
+def batch_calls(on: Things) -> list[Call]:
+    batch = on.batch
+    row, env = st.integers(0, 1), st.integers(0, 1)
+    return [
         ("Batch.step", batch.step, {"actions": acts}),
         ("Batch.reset_masked", batch.reset_masked, {"mask": st.just(np.ones(2, np.uint8)), "seeds": st.just([]) | st.just([1, 2])}),
         ("Batch.send", batch.send, {"envs": st.just([0, 1]) | st.just([1]), "actions": acts | st.just([1])}),
@@ -239,8 +259,6 @@ def calls(on: Things) -> list[tuple[str, Callable[..., Any], dict[str, st.Search
         ("Batch.snapshot", batch.snapshot, {"env": env}),
         ("Batch.restore", batch.restore, {"env": env, "state": st.just(on.snapshot) | cut(on.snapshot)}),
         ("Batch.restore_state", batch.restore_state, {"state": st.just(on.state) | cut(on.state)}),
-        ("pickle", lambda: pickle.loads(pickle.dumps((on.scene, on.source, on.response))), {}),
-        ("html", lambda: [thing._repr_html_() for thing in (on.scene, on.source, on.response, on.response.metrics)], {}),
     ]
 
 
@@ -266,7 +284,7 @@ def judge(name: str, arguments: dict[str, Any], error: Exception) -> None:
 
 def main(count: int, seed: int, log: Path) -> None:
     on = Things()
-    known = calls(on)
+    known = scene_calls(on) + response_calls(on) + env_calls(on) + batch_calls(on)
     outcomes: collections.Counter[str] = collections.Counter()
     by_name: collections.Counter[str] = collections.Counter()
 
