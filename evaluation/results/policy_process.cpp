@@ -30,7 +30,7 @@ constexpr std::uint64_t kMaxDescriptionBytes = std::uint64_t{1} << 20;
 constexpr std::uint64_t kMaxRefusalBytes = 4096;
 constexpr const char* kRemedy = "ask its author for another file, or allow more with --policy-memory-gb and --policy-seconds";
 
-std::string_view bytes_of(std::span<const PolicyRow> rows) { return {reinterpret_cast<const char*>(rows.data()), rows.size_bytes()}; }
+std::string_view row_bytes(std::span<const PolicyRow> rows) { return {reinterpret_cast<const char*>(rows.data()), rows.size_bytes()}; }
 
 std::string begin_text(const BatchedEnv& env, ActionChoice choice, std::uint64_t seed) {
   nlohmann::json sensors = nlohmann::json::array();
@@ -153,7 +153,7 @@ void PolicyProcess::act(const BatchedEnv& env, ActionChoice choice, std::uint64_
     in.rows[i].episode = static_cast<std::uint32_t>(agent.episode_index);
     in.rows[i].step = static_cast<std::uint32_t>(agent.episode_step);
   }
-  std::vector<std::string_view> parts{bytes_of(in.rows)};
+  std::vector<std::string_view> parts{row_bytes(in.rows)};
   for (const SensorSpec& sensor : env.sensors()) {
     const std::span<const std::byte> rows = env.rows(sensor.name);
     parts.emplace_back(reinterpret_cast<const char*>(rows.data()), rows.size());
