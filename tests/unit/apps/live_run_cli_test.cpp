@@ -35,10 +35,10 @@ class LiveRunCli : public BoardCli {
 
 TEST_F(LiveRunCli, AllWorkersEvaluateOneCheckpointOfARunThatGoesOn) {
   make_episodes(6);
-  const std::string first = trained("3"), second = trained("4");
+  const std::string first = trained("3"), second = trained("4"), episodes = " --episodes " + path("eval.json.gz");
   std::set<std::string> hashes;
   for (const std::string& file : {first, second}) {
-    expect_done("eval " + file + " --out " + path("own.json"));
+    expect_done("eval " + file + episodes + " --out " + path("own.json"));
     hashes.insert(json_of("own.json")["policy_hash"]);
   }
   ASSERT_EQ(hashes.size(), 2u);
@@ -54,7 +54,7 @@ TEST_F(LiveRunCli, AllWorkersEvaluateOneCheckpointOfARunThatGoesOn) {
     }
   });
   for (const char* workers : {"2", "1"}) {
-    expect_done("eval " + path("run") + " --workers " + workers + " --out " + path("live.json"));
+    expect_done("eval " + path("run") + episodes + " --workers " + workers + " --out " + path("live.json"));
     EXPECT_TRUE(hashes.contains(json_of("live.json")["policy_hash"]));
   }
   is_over = true;
