@@ -35,7 +35,7 @@ left_out=(
 packages=(
   libc6-dev libembree-dev librecast-dev libmeshoptimizer-dev libglm-dev libegl-dev libgles-dev libtbb-dev libmysofa-dev libsndfile1-dev
   libavutil-dev libswresample-dev libsamplerate0-dev libyaml-cpp-dev nlohmann-json3-dev libfmt-dev libspdlog-dev libxxhash-dev zlib1g-dev libpng-dev
-  libturbojpeg0-dev libhdf5-dev libgtest-dev libgmock-dev gcc python3-dev python3-venv python3-numpy
+  libturbojpeg0-dev libhdf5-dev libgtest-dev libgmock-dev libyaml-dev gcc python3-dev python3-venv python3-numpy
 )
 
 # Debian's own sources among those of this machine, one "deb" line each.

@@ -79,7 +79,7 @@ OWNED = [
     (r"Recast|Detour", r"sim/nav/"),
     (r"sndfile|mysofa|libav|libsw|samplerate", r"sim/audio/"),
     (r"hdf5", r"sim/sofa/"),
-    (r"yaml-cpp", r"sim/base/text/config_reader\.cpp|trainer/run/effective_config\.cpp"),
+    (r"yaml-cpp", r"sim/base/text/config_reader\.cpp|sim/base/text/config_tree\.cpp"),
     (r"zmq", r"trainer/net/|trainer/collective/|bench/training/"),
     (r"torch", rf"policy/|trainer/|{QUESTIONS_OF_THE_LEARNER}"),
 ]

@@ -50,6 +50,7 @@ packages='
   libjs-three              111+dfsg1-3                111+dfsg1-3
   libgtest-dev             1.12.1-0.2                 1.16.0-1
   libgmock-dev             1.12.1-0.2                 1.16.0-1
+  libyaml-dev              0.2.5-1                    0.2.5-2
   iproute2                 6.1.0-3                    6.15.0-1
   openmpi-bin              4.1.4-3+b1                 5.0.7-1
   slurm-wlm                22.05.8-4+deb12u3          24.11.5-4+deb13u1

@@ -138,7 +138,7 @@ Benchmark load_benchmark(const std::filesystem::path& path, const std::vector<st
   if (!file.has("benchmark")) throw InputError(where, "has no section 'benchmark'", "use a file of configs/benchmarks");
   read(file, benchmark);
   std::vector<std::string> run;
-  for (const auto& [key, value] : flat_config(file.text()))
+  for (const auto& [key, value] : file.flat())
     if (!key.starts_with("benchmark.")) run.push_back(key + "=" + value);
   benchmark.run = parse_run_config("", where, run);
   ConfigReader section = file.child("benchmark", kBenchmarkAbout);

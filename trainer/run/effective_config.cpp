@@ -2,7 +2,6 @@
 #include "trainer/run/effective_config.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <array>
@@ -11,21 +10,10 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
-
-void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& flat) {
-  if (!node.IsMap()) {
-    YAML::Node value = YAML::Clone(node);
-    if (value.IsSequence()) value.SetStyle(YAML::EmitterStyle::Flow);
-    YAML::Emitter text;
-    text << value;
-    flat[prefix] = text.c_str();
-    return;
-  }
-  for (const auto& item : node) flatten(item.second, (prefix.empty() ? "" : prefix + ".") + item.first.as<std::string>(), flat);
-}
 
 /// Whether `key` is `name` or lies in the section of that name.
 bool lies_in(std::string_view key, std::string_view name) {
@@ -42,12 +30,7 @@ std::string readable(const std::string& value) {
 
 }  // namespace
 
-std::map<std::string, std::string> flat_config(const std::string& yaml) {
-  std::map<std::string, std::string> flat;
-  const YAML::Node root = YAML::Load(yaml);
-  if (root.IsMap()) flatten(root, "", flat);
-  return flat;
-}
+std::map<std::string, std::string> flat_config(const std::string& yaml) { return ConfigReader::from_text(yaml, "config").flat(); }
 
 std::vector<ConfigChange> config_changes(const std::map<std::string, std::string>& before, const std::map<std::string, std::string>& now) {
   const auto value_of = [](const std::map<std::string, std::string>& flat, const std::string& key) {

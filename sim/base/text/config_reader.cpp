@@ -5,14 +5,14 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <numeric>
 #include <type_traits>
 
 #include "sim/base/files.h"
+#include "sim/base/text/config_number.h"
+#include "sim/base/text/config_tree.h"
 #include "sim/base/text/config_value.h"
 #include "sim/base/text/listed.h"
 #include "sim/base/text/schema_version.h"
-#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
@@ -20,34 +20,6 @@ namespace {
 constexpr const char* kVersionKey = "schema_version";
 constexpr SchemaRange kConfigVersions{.oldest = 1, .newest = 1};
 constexpr std::size_t kMaxShownBytes = 100;
-
-/// Levenshtein distance, one row of memory.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
-      diagonal = above;
-    }
-  }
-  return row.back();
-}
-
-/// Runs write their resolved config.  yaml-cpp's escapes \N and \_ give single bytes, of which that text cannot be made.
-bool can_be_written(const YAML::Node& root) {
-  const std::string text = YAML::Dump(root);
-  if (!is_utf8(text)) return false;
-  try {
-    static_cast<void>(YAML::Load(text));
-  } catch (const YAML::Exception&) {
-    return false;
-  }
-  return true;
-}
 
 /// The beginning of a long text, for messages.
 std::string shortened(const std::string& text) {
@@ -57,83 +29,104 @@ std::string shortened(const std::string& text) {
   return text.substr(0, end) + "...";
 }
 
-/// A node as one line of YAML, for messages.
-std::string shown(const YAML::Node& node) {
-  YAML::Emitter out;
-  out << YAML::Flow << node;
-  return shortened(out.good() ? std::string(out.c_str()) : std::string("?"));
-}
-
-/// A YAML key may itself be a list or a map; no known key is, so such a key is shown and matches none.
-std::string key_text(const YAML::Node& key) { return key.IsScalar() ? key.Scalar() : shown(key); }
-
-void apply_override(YAML::Node root, const std::string& text, const std::string& where) {
-  const auto equals = text.find('=');
-  if (!is_utf8(text)) throw InputError("an override", "is not UTF-8 text", "write it in UTF-8 (" + where + ")");
-  if (equals == std::string::npos || equals == 0)
-    throw InputError("override '" + text + "'", "is not of the form key=value", "write for example ppo.lr=1e-4 (" + where + ")");
-  YAML::Node value;
-  try {
-    value = YAML::Load(text.substr(equals + 1));
-  } catch (const YAML::Exception& error) {
-    throw InputError("override '" + text + "'", error.msg, "quote the value as YAML requires");
-  }
-  std::string path = text.substr(0, equals);
-  YAML::Node node = root;
-  for (std::size_t dot = path.find('.'); dot != std::string::npos; dot = path.find('.')) {
-    const std::string key = path.substr(0, dot);
-    path.erase(0, dot + 1);
-    if (node[key].IsDefined() && !node[key].IsMap())
-      throw InputError("override '" + text + "'", "'" + key + "' is a value, not a map, in " + where, "check the key");
-    YAML::Node next = node[key];
-    if (!next.IsDefined() || next.IsNull()) {
-      node[key] = YAML::Node(YAML::NodeType::Map);
-      next = node[key];
-    }
-    node.reset(next);
-  }
-  node[path] = value;
+/// A node as one line of YAML, for messages: a scalar without quotes as it was written.
+std::string shown(const YamlNode& node) {
+  return shortened(node.is_scalar() && node.is_plain && !node.is_null() ? node.text : yaml_line(node));
 }
 
 /// The key that every YAML file may have at its top.  It is checked here and taken out: readers of the file do not see it.
-void take_schema_version(YAML::Node root, const std::string& where) {
-  const YAML::Node node = root[kVersionKey];
-  if (!node.IsDefined()) return;
-  std::int64_t version = 0;
-  try {
-    version = node.as<std::int64_t>();
-  } catch (const YAML::Exception&) {
-    throw InputError(where, std::string(kVersionKey) + " is " + shown(node), "use " + wanted_text(ConfigReader::schema_version_key()));
-  }
-  check_schema_version(where, "a config", version, kConfigVersions);
-  root.remove(kVersionKey);
+void take_schema_version(YamlNode& root, const std::string& where) {
+  const YamlNode* node = root.find(kVersionKey);
+  if (node == nullptr) return;
+  const std::optional<std::int64_t> version = node->is_scalar() ? parse_whole<std::int64_t>(node->text) : std::nullopt;
+  if (!version)
+    throw InputError(where, std::string(kVersionKey) + " is " + shown(*node), "use " + wanted_text(ConfigReader::schema_version_key()));
+  check_schema_version(where, "a config", *version, kConfigVersions);
+  const auto place = node - root.items.data();
+  root.keys.erase(root.keys.begin() + place);
+  root.items.erase(root.items.begin() + place);
+}
+
+std::optional<bool> parse_flag(const std::string& text) {
+  std::string small = text;
+  for (char& c : small) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  for (const char* word : {"true", "yes", "on", "y"})
+    if (small == word) return true;
+  for (const char* word : {"false", "no", "off", "n"})
+    if (small == word) return false;
+  return std::nullopt;
 }
 
 template <class T>
-T parse_value(const YAML::Node& node, const Allowed& allowed) {
+std::optional<T> parse_node(const YamlNode& node) {
+  if constexpr (!std::is_same_v<T, typename ItemOf<T>::Type>) {
+    if (!node.is_list()) return std::nullopt;
+    T list;
+    list.reserve(node.items.size());
+    for (const YamlNode& item : node.items) {
+      auto value = parse_node<typename ItemOf<T>::Type>(item);
+      if (!value) return std::nullopt;
+      list.push_back(std::move(*value));
+    }
+    return list;
+  } else {
+    if (!node.is_scalar() || node.is_null()) return std::nullopt;
+    if constexpr (std::is_same_v<T, bool>)
+      return parse_flag(node.text);
+    else if constexpr (std::is_same_v<T, std::string>)
+      return node.text;
+    else if constexpr (std::is_integral_v<T>)
+      return parse_whole<T>(node.text);
+    else
+      return parse_decimal<T>(node.text);
+  }
+}
+
+template <class T>
+std::optional<T> parse_value(const YamlNode& node, const Allowed& allowed) {
   if constexpr (is_number_type<T>)
-    if (!allowed.word.empty() && allowed.other && node.IsScalar() && node.Scalar() == allowed.word) return static_cast<T>(*allowed.other);
+    if (!allowed.word.empty() && allowed.other && node.is_scalar() && node.text == allowed.word) return static_cast<T>(*allowed.other);
   if constexpr (std::is_same_v<T, std::vector<std::string>>)
-    if (allowed.accepts_scalar && node.IsScalar()) return {node.Scalar()};
-  return node.as<T>();
+    if (allowed.accepts_scalar && node.is_scalar()) return T{node.text};
+  return parse_node<T>(node);
+}
+
+/// decimal_hint of the first number of a value that needs one.
+std::string hint_for(const YamlNode& node) {
+  if (node.is_scalar()) return decimal_hint(node.text);
+  for (const YamlNode& item : node.items)
+    if (const std::string hint = hint_for(item); !hint.empty()) return hint;
+  return "";
 }
 
 /// The remedy in a message "KEY is VALUE".
-std::string remedy_for(const ConfigKey& key) {
-  return "use " + wanted_text(key) + (key.allowed.reason.empty() ? "" : ": " + std::string(key.allowed.reason));
+std::string remedy_for(const ConfigKey& key, const std::string& hint = "") {
+  return "use " + wanted_text(key) + (key.allowed.reason.empty() ? "" : ": " + std::string(key.allowed.reason)) +
+         (hint.empty() ? "" : "; " + hint);
+}
+
+std::shared_ptr<const YamlNode> empty_tree() { return std::make_shared<const YamlNode>(YamlNode::empty_map()); }
+
+void flatten(const YamlNode& node, const std::string& prefix, std::map<std::string, std::string>& flat) {
+  if (!node.is_map()) {
+    flat[prefix] = yaml_line(node);
+    return;
+  }
+  for (std::size_t i = 0; i < node.keys.size(); ++i) flatten(node.items[i], (prefix.empty() ? "" : prefix + ".") + node.keys[i].text, flat);
 }
 
 }  // namespace
 
 struct ConfigReader::Nodes {
-  YAML::Node map;
-  YAML::Node effective = {};  ///< of a recorder: part of its parent's
+  std::shared_ptr<const YamlNode> map;  ///< part of the tree of its file, which it keeps
+  YAML::Node effective = {};            ///< of a recorder: part of its parent's
 
-  /// The value under `key`; an undefined node if it is absent or null.
-  [[nodiscard]] YAML::Node find(const std::string& key) const {
-    const YAML::Node node = map[key];
-    return node.IsDefined() && !node.IsNull() ? node : YAML::Node(YAML::NodeType::Undefined);
+  /// The value under `key`; nullptr if it is absent or null.
+  [[nodiscard]] const YamlNode* find(const std::string& key) const {
+    const YamlNode* node = map->find(key);
+    return node != nullptr && !node->is_null() ? node : nullptr;
   }
+  [[nodiscard]] Nodes of(const YamlNode& part) const { return {std::shared_ptr<const YamlNode>(map, &part)}; }
 };
 
 struct ConfigReader::Shared {
@@ -156,28 +149,14 @@ ConfigReader ConfigReader::from_file(const std::filesystem::path& path, const st
 }
 
 ConfigReader ConfigReader::from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides) {
-  // YAML may also be UTF-16, which yaml-cpp guesses from the first bytes: of damaged ones it makes characters that it cannot read again.
-  if (!is_utf8(yaml)) throw InputError(where, "is not UTF-8 text", "save it as UTF-8");
-  YAML::Node root;
-  try {
-    root = YAML::Load(std::string(yaml));
-  } catch (const YAML::Exception& error) {
-    throw InputError(where + ":" + std::to_string(error.mark.line + 1), error.msg, "correct the YAML");
-  }
-  if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
-  if (!root.IsMap()) throw InputError(where, "is not a map of keys and values", "write 'key: value' lines");
-  const bool has_keys = root.size() > 0;
-  for (const auto& text : overrides) apply_override(root, text, where);
+  auto shared = std::make_shared<Shared>(Shared{.overrides = overrides});
+  YamlNode root = load_config_tree(yaml, where, overrides, shared->has_keys);
   take_schema_version(root, where);
-  if (!can_be_written(root))
-    throw InputError(where, "contains text that cannot be written and read back unchanged", "do not use \\N and \\_ in quotes");
-  auto shared = std::make_shared<Shared>(Shared{.has_keys = has_keys, .overrides = overrides});
-  return {Nodes{root}, std::move(shared), Mode::parsing, std::move(where), ""};
+  return {Nodes{std::make_shared<const YamlNode>(std::move(root))}, std::move(shared), Mode::parsing, std::move(where), ""};
 }
 
 ConfigReader ConfigReader::without_file(Mode mode, const std::string& prefix) {
-  const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
-  return {{map, effective}, std::make_shared<Shared>(), mode, "config", prefix};
+  return {{empty_tree(), YAML::Node(YAML::NodeType::Map)}, std::make_shared<Shared>(), mode, "config", prefix};
 }
 
 ConfigReader ConfigReader::recorder() { return without_file(Mode::recording, ""); }
@@ -207,14 +186,10 @@ void ConfigReader::read(const std::string& key, T& value, const Allowed& allowed
   }
   if (mode_ == Mode::checking && !is_value_allowed(value, allowed))
     throw InputError(where_, prefix_ + key + " is " + value_text(value, Allowed::any()), remedy_for(declared));
-  if (const YAML::Node node = nodes_->find(key)) {
-    std::optional<T> parsed;
-    try {
-      parsed = parse_value<T>(node, allowed);
-    } catch (const YAML::Exception&) {
-    }
+  if (const YamlNode* node = nodes_->find(key)) {
+    std::optional<T> parsed = parse_value<T>(*node, allowed);
     if (!parsed || !is_value_allowed(*parsed, allowed))
-      throw InputError(place_of(key), prefix_ + key + " is " + shown(node), remedy_for(declared));
+      throw InputError(place_of(key), prefix_ + key + " is " + shown(*node), remedy_for(declared, parsed ? "" : hint_for(*node)));
     value = std::move(*parsed);
   }
   if (mode_ == Mode::recording) nodes_->effective[key] = value;
@@ -245,27 +220,27 @@ std::optional<std::string> ConfigReader::choose(const std::string& key, const st
     describe(declared);
   }
   if (mode_ == Mode::recording && !current.empty()) nodes_->effective[key] = current;
-  const YAML::Node node = nodes_->find(key);
-  if (!node) return std::nullopt;
-  if (!node.IsScalar() || std::find(names.begin(), names.end(), node.Scalar()) == names.end())
-    throw InputError(place_of(key), prefix_ + key + " is " + shown(node), remedy_for(declared));
-  return node.Scalar();
+  const YamlNode* node = nodes_->find(key);
+  if (node == nullptr) return std::nullopt;
+  if (!node->is_scalar() || std::find(names.begin(), names.end(), node->text) == names.end())
+    throw InputError(place_of(key), prefix_ + key + " is " + shown(*node), remedy_for(declared));
+  return node->text;
 }
 
-bool ConfigReader::has(const std::string& key) const { return static_cast<bool>(nodes_->find(key)); }
+bool ConfigReader::has(const std::string& key) const { return nodes_->find(key) != nullptr; }
 
 ConfigReader ConfigReader::child(const std::string& key, About about) {
   known_.insert(key);
   const std::string prefix = prefix_ + key + ".";
   if (mode_ == Mode::describing) describe({.name = prefix_ + key, .type = KeyType::section, .about = std::string(about.text())});
-  const YAML::Node node = nodes_->find(key);
-  if (!node) {
-    const YAML::Node map(YAML::NodeType::Map), effective(YAML::NodeType::Map);
+  const YamlNode* node = nodes_->find(key);
+  if (node == nullptr) {
+    const YAML::Node effective(YAML::NodeType::Map);
     if (mode_ == Mode::recording) nodes_->effective[key] = effective;
-    return {{map, effective}, shared_, mode_, where_, prefix};
+    return {{empty_tree(), effective}, shared_, mode_, where_, prefix};
   }
-  if (!node.IsMap()) fail(key, "must be a map of keys and values");
-  return {Nodes{node}, shared_, mode_, where_, prefix};
+  if (!node->is_map()) fail(key, "must be a map of keys and values");
+  return {nodes_->of(*node), shared_, mode_, where_, prefix};
 }
 
 std::vector<ConfigReader> ConfigReader::children(const std::string& key, About about) {
@@ -273,17 +248,17 @@ std::vector<ConfigReader> ConfigReader::children(const std::string& key, About a
   std::vector<ConfigReader> maps;
   if (mode_ == Mode::describing) {
     describe({.name = prefix_ + key + "[]", .type = KeyType::section, .about = std::string(about.text())});
-    maps.push_back({{YAML::Node(YAML::NodeType::Map)}, shared_, mode_, where_, prefix_ + key + "[]."});
+    maps.push_back({{empty_tree()}, shared_, mode_, where_, prefix_ + key + "[]."});
     return maps;
   }
-  const YAML::Node node = nodes_->find(key);
-  if (!node) return maps;
-  if (!node.IsSequence()) fail(key, "must be a list of maps");
-  for (std::size_t i = 0; i < node.size(); ++i) {
+  const YamlNode* node = nodes_->find(key);
+  if (node == nullptr) return maps;
+  if (!node->is_list()) fail(key, "must be a list of maps");
+  for (std::size_t i = 0; i < node->items.size(); ++i) {
     const std::string name = key + "[" + std::to_string(i) + "]";
-    const YAML::Node item = node[i];
-    if (!item.IsMap() && !item.IsNull()) fail(name, "is not a map of keys and values");
-    maps.push_back({Nodes{item.IsNull() ? YAML::Node(YAML::NodeType::Map) : item}, shared_, mode_, where_, prefix_ + name + "."});
+    const YamlNode& item = node->items[i];
+    if (!item.is_map() && !item.is_null()) fail(name, "is not a map of keys and values");
+    maps.push_back({item.is_null() ? Nodes{empty_tree()} : nodes_->of(item), shared_, mode_, where_, prefix_ + name + "."});
   }
   return maps;
 }
@@ -291,13 +266,13 @@ std::vector<ConfigReader> ConfigReader::children(const std::string& key, About a
 std::vector<std::string> ConfigReader::free_keys(const std::string& placeholder) const {
   std::vector<std::string> names;
   if (mode_ == Mode::describing) names.push_back(placeholder);
-  for (const auto& item : nodes_->map) names.push_back(key_text(item.first));
+  for (const YamlNode::Key& key : nodes_->map->keys) names.push_back(key.text);
   return names;
 }
 
 std::optional<std::string> ConfigReader::scalar(const std::string& key) const {
-  const YAML::Node node = nodes_->find(key);
-  return node.IsScalar() ? std::optional(node.Scalar()) : std::nullopt;
+  const YamlNode* node = nodes_->find(key);
+  return node != nullptr && node->is_scalar() ? std::optional(node->text) : std::nullopt;
 }
 
 void ConfigReader::refuse(const std::vector<std::string>& keys, const std::string& problem) {
@@ -308,8 +283,8 @@ void ConfigReader::refuse(const std::vector<std::string>& keys, const std::strin
 }
 
 void ConfigReader::finish() const {
-  for (const auto& item : nodes_->map) {
-    const std::string key = key_text(item.first);
+  for (const YamlNode::Key& unread : nodes_->map->keys) {
+    const std::string& key = unread.text;
     if (known_.contains(key)) continue;
     const std::string nearest = nearest_word(key, known_);
     fail(key, "unknown key; " + (nearest.empty() ? "known keys: " + listed(known_, ", ") : "did you mean '" + nearest + "'?"));
@@ -324,12 +299,19 @@ std::string ConfigReader::place_of(const std::string& key) const {
   const std::string path = prefix_ + key;
   for (auto text = shared_->overrides.rbegin(); text != shared_->overrides.rend(); ++text) {
     const std::string name = text->substr(0, text->find('='));
-    if (name != path && !path.starts_with(name + ".")) continue;
+    if (name != path && !path.starts_with(name + ".") && !path.starts_with(name + "[")) continue;
     return shared_->has_keys ? "override '" + shortened(*text) + "'" : where_ + " " + shortened(*text);
   }
-  for (const auto& item : nodes_->map)
-    if (const YAML::Mark mark = item.first.Mark(); key_text(item.first) == key && !mark.is_null())
-      return where_ + ":" + std::to_string(mark.line + 1);
+  // Of an item of a list, "key[2]", the line in which it begins.
+  const YamlNode* item = nullptr;
+  if (const std::size_t bracket = key.rfind('['); key.ends_with(']') && nodes_->map->find(key) == nullptr)
+    if (const YamlNode* list = nodes_->map->find(key.substr(0, bracket)); list != nullptr && list->is_list())
+      if (const auto index = parse_whole<std::uint32_t>(key.substr(bracket + 1, key.size() - bracket - 2));
+          index && *index < list->items.size())
+        item = &list->items[*index];
+  for (const YamlNode::Key& known : nodes_->map->keys)
+    if (item == nullptr && known.text == key && known.line > 0) return where_ + ":" + std::to_string(known.line);
+  if (item != nullptr && item->line > 0) return where_ + ":" + std::to_string(item->line);
   return where_;
 }
 
@@ -354,19 +336,12 @@ std::vector<ConfigKey> ConfigReader::described() const {
 
 std::string ConfigReader::effective() const { return YAML::Dump(nodes_->effective) + "\n"; }
 
-std::string ConfigReader::text() const { return YAML::Dump(nodes_->map) + "\n"; }
+std::string ConfigReader::text() const { return yaml_text(*nodes_->map) + "\n"; }
 
-std::string nearest_word(std::string_view word, const std::set<std::string>& candidates) {
-  std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
-  for (const auto& candidate : candidates) {
-    const std::size_t distance = edit_distance(word, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
-    }
-  }
-  return best;
+std::map<std::string, std::string> ConfigReader::flat() const {
+  std::map<std::string, std::string> flat;
+  flatten(*nodes_->map, "", flat);
+  return flat;
 }
 
 }  // namespace earshot

@@ -15,6 +15,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/config_key.h"
+#include "sim/base/text/text_match.h"
 
 namespace earshot {
 
@@ -38,7 +39,8 @@ concept ConfigValue = std::same_as<T, bool> || std::same_as<T, int> || std::same
 class ConfigReader {
  public:
   /// overrides: "a.b.c=value" strings, applied in order after the file.  A top key `schema_version` is checked here and taken out.
-  /// Throws InputError: missing file, not UTF-8, YAML syntax (with line), not a map, an override without '=', a newer schema.
+  /// Throws InputError: missing file, not UTF-8, YAML that is wrong or means several things (yaml_parser.h, with line), not a map, an
+  /// override without '=', a newer schema.
   static ConfigReader from_file(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   /// where: how messages name the text.
   static ConfigReader from_text(std::string_view yaml, std::string where, const std::vector<std::string>& overrides = {});
@@ -117,6 +119,8 @@ class ConfigReader {
   [[nodiscard]] bool is_describing() const { return mode_ == Mode::describing; }
   /// The map as YAML text, overrides included.
   [[nodiscard]] std::string text() const;
+  /// The same as "section.key" -> value as YAML on one line, for every value that is no map.
+  [[nodiscard]] std::map<std::string, std::string> flat() const;
   /// Of a recorder: the recorded keys as YAML text.
   [[nodiscard]] std::string effective() const;
   /// Of a describer: every key in the order of its reader, without those that are refused.
@@ -159,8 +163,5 @@ std::vector<ConfigKey> keys_of(Config config = {}) {
   read(describer, config);
   return describer.described();
 }
-
-/// The candidate nearest to `word` by edit distance, or empty if none is within a third of its length.
-std::string nearest_word(std::string_view word, const std::set<std::string>& candidates);
 
 }  // namespace earshot

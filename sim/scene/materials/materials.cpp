@@ -181,6 +181,7 @@ MaterialDatabase MaterialDatabase::from_json(std::string_view text, const std::s
   } catch (const Json::exception&) {
     throw InputError(where, "is not JSON: a number is out of range", "write finite numbers");
   }
+  check_unique_keys(text, where);
   try {
     check_schema_version(json, kVersionKey, where, "a material database", {1, 1});
   } catch (const Json::exception& error) {
