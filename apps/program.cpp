@@ -13,6 +13,7 @@
 #include <set>
 #include <string_view>
 
+#include "apps/options/decimal_options.h"
 #include "apps/options/output_options.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/exit_codes.h"
@@ -94,6 +95,7 @@ bool Program::has_requested_command() const {
 int Program::run() {
   try {
     check_commands(app_, arguments_);
+    read_decimal_numbers(app_);
     app_.parse(argc_, argv_);
     return exit_code_;
   } catch (const CLI::ParseError& error) {
