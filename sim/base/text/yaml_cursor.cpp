@@ -55,8 +55,8 @@ std::size_t YamlCursor::find_key_end() const {
   return std::string_view::npos;
 }
 
-void YamlCursor::fail(std::uint32_t line, std::string_view what, std::string_view remedy) const {
-  throw InputError(source_->has_lines ? source_->where + ":" + std::to_string(line) : source_->where, what, remedy);
+void YamlCursor::fail(std::uint32_t line, std::string_view problem, std::string_view remedy) const {
+  throw InputError(source_->has_lines ? source_->where + ":" + std::to_string(line) : source_->where, problem, remedy);
 }
 
 }  // namespace earshot

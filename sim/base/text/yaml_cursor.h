@@ -8,7 +8,7 @@
 
 namespace earshot {
 
-/// How messages name a YAML text.
+/// Name of a YAML text in messages.
 struct YamlSource {
   std::string where;
   bool has_lines = true;  ///< a file; of a value from the command line no line is named
@@ -56,9 +56,9 @@ class YamlCursor {
   /// Of a key that begins here: where the colon behind it lies, in the same line; npos where no key does.
   [[nodiscard]] std::size_t find_key_end() const;
 
-  /// Throws InputError "where:line: what; remedy".
-  [[noreturn]] void fail(std::string_view what, std::string_view remedy) const { fail(line_, what, remedy); }
-  [[noreturn]] void fail(std::uint32_t line, std::string_view what, std::string_view remedy) const;
+  /// Throws InputError "where:line: problem; remedy".
+  [[noreturn]] void fail(std::string_view problem, std::string_view remedy) const { fail(line_, problem, remedy); }
+  [[noreturn]] void fail(std::uint32_t line, std::string_view problem, std::string_view remedy) const;
   [[nodiscard]] const YamlSource& source() const { return *source_; }
 
  private:

@@ -26,7 +26,7 @@ std::string with_line_feeds(std::string_view text, const YamlSource& source) {
   std::string kept;
   kept.reserve(text.size());
   std::uint32_t line = 1;
-  const auto refuse = [&](std::string_view what, std::string_view remedy) { YamlCursor(text, source).fail(line, what, remedy); };
+  const auto refuse = [&](std::string_view problem, std::string_view remedy) { YamlCursor(text, source).fail(line, problem, remedy); };
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto byte = static_cast<unsigned char>(text[i]);
     if (byte == '\n') ++line;
@@ -34,7 +34,7 @@ std::string with_line_feeds(std::string_view text, const YamlSource& source) {
       if (i + 1 == text.size() || text[i + 1] != '\n') refuse("has a carriage return without a line feed", "end lines with a line feed");
       continue;
     }
-    char32_t character = byte;  // of those of two and three bytes what is_text_character asks for
+    char32_t character = byte;  // decoded as far as is_text_character distinguishes characters
     if (byte >= 0xC0 && byte < 0xE0) character = (byte & 0x1Fu) << 6 | (static_cast<unsigned char>(text[i + 1]) & 0x3Fu);
     if (byte >= 0xE0 && byte < 0xF0)
       character =
@@ -110,7 +110,7 @@ class YamlParser {
   [[nodiscard]] bool is_marker() const { return cursor_.is_marker("---") || cursor_.is_marker("..."); }
   [[nodiscard]] bool is_entry() const { return cursor_.peek() == '-' && cursor_.is_blank(1); }
 
-  /// A value whose first line begins here: block maps and lists may.  parent: column of what holds it.
+  /// A value whose first line begins here: block maps and lists may.  parent: column of the enclosing map or list.
   YamlNode block_node(int parent) {
     const Level level(*this);
     if (is_entry()) return block_list(cursor_.column());
@@ -191,7 +191,7 @@ class YamlParser {
     return node;
   }
 
-  /// A scalar, an alias, or what stands in brackets.
+  /// A scalar, an alias, or a list or map in brackets.
   YamlNode simple_value(const YamlPlace& place) {
     YamlNode node{.line = cursor_.line()};
     switch (cursor_.peek()) {
@@ -221,7 +221,7 @@ class YamlParser {
     return node;
   }
 
-  /// Programs write a tag before a number that would be a text to them.  It has to say what the value is.
+  /// Programs write a tag before a number that would be a text to them.  It has to agree with the value.
   YamlNode tagged(const YamlPlace& place) {
     YamlNode node{.line = cursor_.line()};
     const std::string_view rest = cursor_.text().substr(cursor_.at());

@@ -15,9 +15,9 @@ inline constexpr std::size_t kMaxYamlCopiedBytes = std::size_t{16} << 20;
 
 /// Reads the one document of a text, the part of YAML 1.2 that means one thing: maps with text keys, each given once, lists, scalars with
 /// and without quotes, block texts, comments, anchors and aliases.  An alias is a copy.  Merge keys (`<<`) are kept as they are:
-/// merge_maps. A text without a value gives a null scalar. Throws InputError "where:line: what; remedy" for all else, among it: not UTF-8,
-/// a control character, a tab that separates, a second document, a directive, a tag, a key twice, a key that is a list or map, more than
-/// kMaxYamlLevels levels, aliases that copy more than kMaxYamlCopiedBytes.  Time and memory are linear in the text and its copies.
+/// merge_maps. A text without a value gives a null scalar. Throws InputError "where:line: problem; remedy" for all else, among it: not
+/// UTF-8, a control character, a tab that separates, a second document, a directive, a tag, a key twice, a key that is a list or map, more
+/// than kMaxYamlLevels levels, aliases that copy more than kMaxYamlCopiedBytes.  Time and memory are linear in the text and its copies.
 YamlNode parse_yaml(std::string_view text, const YamlSource& source);
 
 }  // namespace earshot

@@ -14,10 +14,10 @@ constexpr std::string_view kQuoteIt = "quote the value";
 
 bool is_one_of(char c, std::string_view set) { return c != '\0' && set.find(c) != std::string_view::npos; }
 
-/// What `breaks` line ends within a scalar stand for.
+/// The text that `breaks` line ends within a scalar stand for.
 std::string fold(std::size_t breaks) { return breaks == 1 ? " " : std::string(breaks - 1, '\n'); }
 
-/// Skips line ends and what indents the next line; returns how many.
+/// Skips line ends and the indentation of the next line; returns the number of line ends.
 std::size_t skip_breaks(YamlCursor& cursor, bool is_quoted) {
   std::size_t breaks = 0;
   for (;; cursor.advance()) {
@@ -200,7 +200,7 @@ std::string read_quoted(YamlCursor& cursor, const YamlPlace& place) {
   const std::uint32_t first_line = cursor.line();
   cursor.advance();
   std::string text;
-  std::size_t kept = 0;  // of the text, what no line end cuts: blanks before one go
+  std::size_t kept = 0;  // bytes of the text that stay before a line end, which removes blanks
   for (;;) {
     const char c = cursor.peek();
     if (cursor.is_at_end()) cursor.fail(first_line, "has a quote that is not closed", "close it in the same line");

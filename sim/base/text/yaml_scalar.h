@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// Where a scalar stands.
+/// Place of a scalar.
 struct YamlPlace {
   int parent = -1;       ///< column of the map or list that holds it; its lines are indented further
   bool in_flow = false;  ///< within [ ] or { }

@@ -12,6 +12,7 @@
 namespace earshot {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 struct ReadingCommand {
@@ -93,8 +94,10 @@ TEST_F(Cli, EveryConfigIsReadStrictly) {
       const ReadingCommand& command = kReadingCommands[round % kReadingCommands.size()];
       const Fault fault = fault_of(kind, read_file(source_dir() / command.config), draws);
       const std::string name = write("c" + std::to_string(kind) + std::to_string(round) + ".yaml", fault.text);
-      expect_bad_input("" + std::string(command.before) + name + command.behind, fault.place);
-      expect_bad_input("" + std::string(command.before) + name + command.behind, fault.message);
+      const CliOutcome outcome = earshot(command.before + name + command.behind);
+      EXPECT_EQ(outcome.exit_code, 2) << fault.text;
+      EXPECT_THAT(outcome.errors, AllOf(HasSubstr(fault.place), HasSubstr(fault.message))) << fault.text;
+      EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
     }
   EXPECT_FALSE(std::filesystem::exists("corpus"));
 }
@@ -133,13 +136,15 @@ TEST_F(Cli, NumbersMeanTheSameInFilesAndOnTheCommandLine) {
                                                                  {".inf", false},
                                                                  {".nan", false}}};
   const std::string good = "missing.json.gz";
+  const std::string plain = write("p.yaml", run_text(""));
   for (const auto& [number, is_good] : numbers) {
+    const std::string in_file = write("f.yaml", run_text("total_steps: " + std::string(number) + "\n"));
     const std::string bad = std::string("total_steps is ") + number + "; use a whole number";
-    const std::string in_file = write("f.yaml", run_text("total_steps: " + std::string(number) + "\n")),
-                      plain = write("p.yaml", run_text(""));
-    expect_bad_input("train " + in_file, is_good ? good : bad);
-    expect_bad_input("train " + plain + " total_steps=" + number, is_good ? good : bad);
-    expect_bad_input("train " + plain + " --workers " + number, is_good ? "" : std::string("'") + number + "' is no whole decimal number");
+    expect_bad_input("train " + in_file + (is_good ? std::string(" seed=") + number : ""), is_good ? good : bad);
+    if (!is_good) expect_bad_input("train " + plain + " total_steps=" + number, bad);
+    const std::string options = " --speech nowhere --out " + file("out") + " --count " + number;
+    expect_bad_input("dataset convolve nowhere" + options,
+                     is_good ? "nowhere" : std::string("'") + number + "' is no whole decimal number");
   }
   // Eight would be one of the two results of an octal reader: 010 samples wide is ten.
   const CliOutcome ten = earshot("render shoebox:6x3x4 --pose 1,0,2,0 --size 010x010 --out " + file("a.png"));
