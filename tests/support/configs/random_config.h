@@ -173,12 +173,12 @@ class RandomConfig {
   std::vector<std::string> anchors_;
 };
 
-/// A text with 1 to 4 changes: a byte, a piece of a line, the order or the indentation of lines.
+/// A text with 1 to 3 changes: a byte, a piece of a line, the order or the indentation of lines.
 inline std::string mutated(std::string text, Draws& draws) {
   constexpr std::string_view bytes = " \t\n\r:-#&*!|>'\"%@`,[]{}?~<.=\\+019aeknxy_\x7f\xe2\x80\xa8";
   constexpr std::array<std::string_view, 14> pieces = {": ",  "- ", " #",     "\n  ", "---\n", "...", "<<: *a",
                                                        "&a ", "*a", "!!str ", "\\N",  "? ",    "''",  "\r\n"};
-  const std::uint32_t changes = 1 + draws.below(4);
+  const std::uint32_t changes = 1 + draws.below(3);
   for (std::uint32_t i = 0; i < changes && !text.empty(); ++i) {
     const std::size_t place = draws.below(text.size());
     const std::size_t line = text.rfind('\n', place) + 1, end = std::min(text.find('\n', place), text.size() - 1) + 1;

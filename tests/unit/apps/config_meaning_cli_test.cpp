@@ -112,7 +112,7 @@ TEST_F(Cli, AMaterialGivenTwiceIsRefused) {
     std::string changed = text;
     changed.insert(at, "\"absorption\": 0.5, ");
     const std::string line = std::to_string(1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
-    expect_bad_input("materials " + write("m.json", changed), "m.json:" + line + ": materials.absorption is given twice");
+    expect_bad_input("materials " + write("m.json", changed), "absorption is given twice, in lines " + line + " and " + line);
   }
 }
 

@@ -65,7 +65,7 @@ TEST(YamlDifferential, TenThousandConfigsReadAlikeOrAreRefused) {
     Draws draws(35, round);
     const bool is_written = round % 2 == 0;
     std::string text = is_written ? RandomConfig(draws).text() : mutated(draws.of(shipped), draws);
-    if (is_written && draws.one_in(4)) text = mutated(text, draws);
+    if (is_written && draws.one_in(8)) text = mutated(text, draws);
     compare(text, is_written ? written : changed, "round " + std::to_string(round));
     if (HasFatalFailure()) return;
   }
