@@ -4,7 +4,7 @@
 
 set(EARSHOT_HEADERS_sim
   embree4/rtcore.h|embree3/rtcore.h libembree-dev  tbb/parallel_for.h libtbb-dev  meshoptimizer.h libmeshoptimizer-dev
-  Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev
+  Recast.h librecast-dev  DetourNavMesh.h librecast-dev  glm/glm.hpp libglm-dev  sndfile.h libsndfile1-dev  mysofa.h libmysofa-dev  xxhash.h libxxhash-dev  yaml-cpp/yaml.h libyaml-cpp-dev  yaml.h libyaml-dev
   nlohmann/json.hpp nlohmann-json3-dev  fmt/format.h libfmt-dev  spdlog/spdlog.h libspdlog-dev  png.h libpng-dev  turbojpeg.h libturbojpeg0-dev
   EGL/egl.h libegl-dev  GLES3/gl3.h libgles-dev)
 # What transforms and resamples sound (EARSHOT_AUDIO_LIBRARIES).
@@ -86,6 +86,7 @@ function(earshot_find_packages)
     endif()
     earshot_import(mysofa mysofa.h mysofa)
     earshot_import(xxhash xxhash.h xxhash)
+    earshot_import(libyaml yaml.h yaml)
     earshot_import(recast Recast.h Recast Detour)
     earshot_import(png png.h png)
     earshot_import(turbojpeg turbojpeg.h turbojpeg)

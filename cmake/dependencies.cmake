@@ -16,7 +16,7 @@ if(EARSHOT_BUILD_TRAINING)
   list(APPEND headers CLI/CLI.hpp libcli11-dev)  # the program needs libtorch for its commands
 endif()
 if(EARSHOT_BUILD_TESTS)
-  list(APPEND headers gtest/gtest.h libgtest-dev gmock/gmock.h libgmock-dev yaml.h libyaml-dev ${EARSHOT_HEADERS_audio_permissive})
+  list(APPEND headers gtest/gtest.h libgtest-dev gmock/gmock.h libgmock-dev ${EARSHOT_HEADERS_audio_permissive})
 endif()
 if(EARSHOT_BUILD_BENCH)
   list(APPEND headers benchmark/benchmark.h libbenchmark-dev)

@@ -38,6 +38,7 @@ packages='
   libswresample-dev        7:5.1.9-0+deb12u1          7:7.1.5-0+deb13u1
   libsamplerate0-dev       0.2.2-3                    0.2.2-4+b2
   libyaml-cpp-dev          0.7.0+dfsg-8+b1            0.8.0+dfsg-7
+  libyaml-dev              0.2.5-1                    0.2.5-2
   nlohmann-json3-dev       3.11.2-2                   3.11.3-2.1
   libcli11-dev             2.1.2+ds-1                 2.4.1+ds-2
   libfmt-dev               9.1.0+ds1-2                10.1.1+ds1-4
@@ -50,7 +51,6 @@ packages='
   libjs-three              111+dfsg1-3                111+dfsg1-3
   libgtest-dev             1.12.1-0.2                 1.16.0-1
   libgmock-dev             1.12.1-0.2                 1.16.0-1
-  libyaml-dev              0.2.5-1                    0.2.5-2
   iproute2                 6.1.0-3                    6.15.0-1
   openmpi-bin              4.1.4-3+b1                 5.0.7-1
   slurm-wlm                22.05.8-4+deb12u3          24.11.5-4+deb13u1

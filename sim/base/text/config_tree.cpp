@@ -48,8 +48,7 @@ void merge_maps(YamlNode& node, const YamlSource& source) {
   std::set<std::string> own;
   for (const YamlNode::Key& key : node.keys) own.insert(key.text);
   for (YamlNode& map : maps) {
-    if (!map.is_map())
-      YamlCursor("", source).fail(line, "<< merges something else than maps", "name a map by its alias, or a list of them");
+    if (!map.is_map()) source.fail(line, "<< merges something else than maps", "name a map by its alias, or a list of them");
     for (std::size_t i = 0; i < map.keys.size(); ++i) {
       if (!own.insert(map.keys[i].text).second) continue;
       node.keys.push_back(std::move(map.keys[i]));

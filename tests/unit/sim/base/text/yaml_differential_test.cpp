@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random configs read by our reader and by libyaml: the same structure and texts before types are resolved, or ours refuses in one line.
+// Random configs read by our reader and by yaml-cpp: the same structure and texts before types are resolved, or ours refuses in one line.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,8 +12,8 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/yaml_parser.h"
-#include "tests/support/configs/libyaml_tree.h"
 #include "tests/support/configs/random_config.h"
+#include "tests/support/configs/yaml_cpp_tree.h"
 #include "tests/support/files/test_paths.h"
 
 namespace earshot {
@@ -24,7 +24,7 @@ struct Tally {
 };
 
 void compare(const std::string& text, Tally& tally, const std::string& label) {
-  const std::optional<YamlNode> theirs = LibyamlTree::of(text);
+  const std::optional<YamlNode> theirs = YamlCppTree::of(text);
   YamlNode ours;
   try {
     ours = parse_yaml(text, {.where = "fuzz.yaml"});
@@ -37,7 +37,7 @@ void compare(const std::string& text, Tally& tally, const std::string& label) {
     return;
   }
   ++tally.accepted;
-  ASSERT_TRUE(theirs) << label << ": libyaml refuses\n" << text;
+  ASSERT_TRUE(theirs) << label << ": yaml-cpp refuses\n" << text;
   ASSERT_EQ(difference(ours, *theirs), "") << label << "\n" << text;
 }
 
