@@ -228,7 +228,7 @@ TEST_F(Cli, SeveralSourcesAndListenersGiveAFileEach) {
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --simplify 0 --out " + file("x.wav"), "simplify_m");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --plot " + file("x.wav") + " --out " + file("x.wav"), "two outputs");
   std::filesystem::create_directory(file("folder.wav"));
-  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset fast --out " + file("folder.wav"), "not a regular file");
+  expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --preset fast --out " + file("folder.wav"), "is a folder");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 2,1,2 --heading 0,90 --out " + file("x.wav"), "--heading");
 }
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <thread>
 
+#include "envs/batch/env_state.h"
 #include "evaluation/results/result.h"
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
@@ -51,7 +52,7 @@ class StartRun : public testing::Test {
     checkpoint.config_yaml = config_text(config(overrides));
     checkpoint.engine = engine_;
     checkpoint.engine_commit = "abc";
-    if (!is_policy_) checkpoint.env_states = {"state"};
+    if (!is_policy_) checkpoint.env_states = {encode(EnvState{.set_hash = load_episode_set(config(overrides).train.file).hash})};
     save_checkpoint(checkpoint, path(name));
     return path(name);
   }
