@@ -5,6 +5,7 @@
 # (build/python_tests).  What is tested is the extension as a target of the release build, which takes sim and envs from there, or with --wheel the
 # wheel of scripts/build_wheel.sh, installed.
 # Takes the versions of python/tests/tested_versions.txt, so that a new release of a tool changes no result.
+# Tests of the adapters skip where their framework is missing, as it is here: python/tests/test_frameworks.py says how to run them.
 # EARSHOT_PROGRAM: a program whose bits are compared with the package's (default: the one of the release build, if it is there).
 # Ends with 77 (skipped) and one line where pip has no connection to the Python package index, or does not know the certificate there, or
 # python3 has no venv or headers.
@@ -33,7 +34,7 @@ python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(
   skip "python3-dev is missing (scripts/setup.sh)"
 [ -x "$tests/bin/python" ] || python3 -m venv "$tests"
 if ! answer=$("$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 -c python/tests/tested_versions.txt \
-  nanobind gymnasium matplotlib pettingzoo pytest hypothesis mypy ruff xxhash 2>&1); then
+  nanobind gymnasium matplotlib pettingzoo pytest hypothesis mypy ruff xxhash pygame opencv-python-headless moviepy array-api-compat 2>&1); then
   echo "$answer" >&2
   # A full disk, a broken environment, or an index that answers but lacks a version is a failure.
   index_is_out_of_reach "$answer" || exit 1

@@ -8,7 +8,6 @@ import numbers
 import operator
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,29 +193,3 @@ def env_seeds(value: object, num_envs: int, where: str) -> list[int | None]:
         return [None if one is None else seed(one, where, f"seed[{index}]") for index, one in enumerate(value)]
     first = integer(value, where, "seed", 0, LARGEST_SEED - num_envs + 1)
     return [first + env for env in range(num_envs)]
-
-
-def config_text(config: Mapping[str, Any], where: str) -> str:
-    """A config as JSON; numpy's numbers and arrays and paths are written as Python's."""
-    import json
-
-    def plain(value: object) -> object:
-        if isinstance(value, (np.generic, np.ndarray)):
-            return value.tolist()
-        if isinstance(value, Mapping):
-            return dict(value)
-        if isinstance(value, os.PathLike):
-            return os.fspath(value)
-        raise TypeError(f"{where}: config has a value {shown(value)}; give numbers, texts, bools, lists and dicts")
-
-    try:
-        return text(json.dumps(config if isinstance(config, dict) else dict(config), default=plain, allow_nan=False), where, "config")
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        circular = "ircular" in str(error)
-        raise InputError(f"{where}: config {'contains itself' if circular else 'has a value that is not finite'}") from None
-    except RecursionError:
-        raise InputError(f"{where}: config is nested too deeply") from None
-    except TypeError as error:
-        raise TypeError(str(error) if str(error).startswith(where) else f"{where}: config has a key that is no text") from None

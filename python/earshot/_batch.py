@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -14,14 +13,13 @@ from numpy.typing import NDArray
 
 from . import _arguments as check
 from ._arguments import NUM_ACTIONS
-from ._engine import InputError
 from ._engine_batch import Batch
 
 __all__ = ["NUM_ACTIONS", "Batch", "SensorArrays", "open_batch", "require_gymnasium"]
 
 
 def open_batch(
-    config: str | Path | Mapping[str, Any],
+    config: tuple[str, str],
     num_envs: int,
     overrides: Sequence[str],
     split: str,
@@ -31,28 +29,26 @@ def open_batch(
 ) -> Batch:
     """Open a batch.
 
+    :param config: What _configs.config_text returns.
     :param keys: Keys of the env section that replace those of the config; None keeps the value of the config.
     :param function: Name of the function in errors.
     """
-    if isinstance(config, Mapping):
-        text, where = check.config_text(config, function), "config"
-    else:
-        path = Path(check.path(config, function, "config"))
-        try:
-            text, where = path.read_text(encoding="utf-8"), str(path)
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{function}: config {path} cannot be read ({error}); name a YAML file") from error
     lines = check.texts(overrides, function, "overrides")
     env_overrides = [f"{key}={value}" for key, value in keys.items() if value is not None]
     envs = check.integer(num_envs, function, "num_envs", 1, 65536)
     first = check.integer(first_env, function, "first_env", 0, 10**9)
+    text, where = config
     return Batch(text, where, lines, env_overrides, check.text(split, function, "split"), envs, first)
 
 
 class SensorArrays:
-    """Views of the batch's memory by sensor name; each view keeps the batch alive."""
+    """Views of the batch's memory by sensor name; each view keeps the batch alive.
 
-    def __init__(self, batch: Batch) -> None:
+    hidden: names of sensors that are not observations.
+    """
+
+    def __init__(self, batch: Batch, hidden: Collection[str] = ()) -> None:
+        self.hidden_rows: dict[str, NDArray[Any]] = {name: batch.rows(name) for name in sorted(hidden)}
         self.names: list[str] = []
         self.units: dict[str, str] = {}
         self.privileged: list[str] = []
@@ -60,6 +56,8 @@ class SensorArrays:
         self.final_rows: dict[str, NDArray[Any]] = {}
         boxes: dict[str, spaces.Space[Any]] = {}
         for name, dtype, shape, units, low, high, privileged in batch.sensors():
+            if name in hidden:
+                continue
             self.names.append(name)
             self.units[name] = units
             if privileged:
@@ -79,6 +77,10 @@ class SensorArrays:
         """Return the observation of one row.  last: the final observation of the last episode of the row."""
         arrays = self.final_rows if last else self.rows
         return {name: array[row].copy() if copy else array[row] for name, array in arrays.items()}
+
+    def all_of_row(self, row: int) -> dict[str, NDArray[Any]]:
+        """The sensors of one row, with those that are no observations."""
+        return {name: array[row] for name, array in (self.rows | self.hidden_rows).items()}
 
 
 def require_gymnasium() -> None:

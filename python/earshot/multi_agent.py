@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from pettingzoo import ParallelEnv
 
 from . import _arguments as check
 from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
+from ._configs import Config, config_text
 from ._engine import InputError
 
 Observation = dict[str, NDArray[Any]]
@@ -31,17 +31,18 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
 
     def __init__(
         self,
-        config: str | Path | Mapping[str, Any],
+        config: Config,
         *,
         overrides: Sequence[str] = (),
         split: str = "train",
         threads: int | None = None,
         copy: bool = True,
+        first_env: int = 0,
     ) -> None:
         require_gymnasium()
         keys = {"autoreset": "off", "threads": threads if threads is None else check.threads(threads, "parallel_env")}
         copy = check.flag(copy, "parallel_env", "copy")
-        batch = open_batch(config, 1, overrides, split, keys, 0, "parallel_env")
+        batch = open_batch(config_text(config, "parallel_env"), 1, overrides, split, keys, first_env, "parallel_env")
         self._attach(batch, copy)
 
     def _attach(self, batch: Batch, copy: bool, *, started: bool = False, agents: Sequence[str] = ()) -> None:

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -14,8 +14,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from . import _arguments as check
+from . import _rendering
 from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
+from ._configs import Config, config_text, key_value
 from ._engine import InputError
+from ._episode import EnvOfBatch
 
 Observation = dict[str, NDArray[Any]]
 Info = dict[str, Any]
@@ -42,9 +45,10 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     def __init__(
         self,
-        config: str | Path | Mapping[str, Any],
+        config: Config,
         num_envs: int = 1,
         *,
+        render_mode: str | None = None,
         overrides: Sequence[str] = (),
         split: str = "train",
         autoreset_mode: str | AutoresetMode | None = None,
@@ -53,16 +57,29 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         first_env: int = 0,
     ) -> None:
         require_gymnasium()
-        keys = {"autoreset": _engine_mode(autoreset_mode), "threads": threads if threads is None else check.threads(threads, "make_vec")}
+        self._batch: Batch | None = None
+        self._window: _rendering.Window | None = None
+        render_mode = _rendering.check_mode(render_mode, "make_vec")
+        mode = _engine_mode(autoreset_mode)
         copy = check.flag(copy, "make_vec", "copy")
-        batch = open_batch(config, num_envs, overrides, split, keys, first_env)
+        read = config_text(config, "make_vec")
+        lines = check.texts(overrides, "make_vec", "overrides")
+        if mode is None and key_value(read[0], lines, "autoreset") is None:
+            mode = "next_step"  # what Gymnasium's own vector environments do
+        render_keys, hidden = _rendering.rendering_sensors(read[0], lines, render_mode)
+        keys = {**render_keys, "autoreset": mode, "threads": threads if threads is None else check.threads(threads, "make_vec")}
+        batch = open_batch(read, num_envs, lines, split, keys, first_env)
         if batch.num_agents != 1:
             raise InputError(f"agents = {batch.num_agents}: a vector environment has one agent per env; use earshot.parallel_env")
-        self._attach(batch, copy, int(first_env))
+        self._attach(batch, copy, int(first_env), render_mode, hidden)
 
-    def _attach(self, batch: Batch, copy: bool, first_env: int, *, started: bool = False) -> None:
-        self._batch: Batch | None = batch
-        self._sensors = SensorArrays(batch)
+    def _attach(
+        self, batch: Batch, copy: bool, first_env: int, render_mode: str | None, hidden: Collection[str], *, started: bool = False
+    ) -> None:
+        self._batch = batch
+        self._window = None
+        self.render_mode = render_mode
+        self._sensors = SensorArrays(batch, hidden)
         self._copy = copy
         self._started = started
         self._rewards = batch.rewards()
@@ -72,15 +89,27 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
         self.num_envs = num_envs = batch.num_envs
         self.first_env = first_env
-        self.metadata = {"autoreset_mode": _MODES[batch.autoreset], "render_modes": []}
+        self.metadata = {
+            "autoreset_mode": _MODES[batch.autoreset],
+            "render_modes": list(_rendering.MODES),
+            "render_fps": _rendering.steps_per_second(batch.config_text),
+        }
         self.single_observation_space = self._sensors.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.single_action_space = spaces.Discrete(NUM_ACTIONS)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self._envs: list[EnvOfBatch] = []
 
     def __getstate__(self) -> dict[str, Any]:
         """By the config and the state of the episodes: observations go on with the same bits in another process."""
-        return {"batch": self.batch, "copy": self._copy, "first_env": self.first_env, "started": self._started}
+        return {
+            "batch": self.batch,
+            "copy": self._copy,
+            "first_env": self.first_env,
+            "render_mode": self.render_mode,
+            "hidden": list(self._sensors.hidden_rows),
+            "started": self._started,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._attach(**state)
@@ -96,6 +125,18 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         if self._batch is None:
             raise RuntimeError("this environment is closed; create a new one with earshot.make_vec")
         return self._batch
+
+    @property
+    def envs(self) -> list[EnvOfBatch]:
+        """The envs of the batch, one by one; they have what `call` and `get_attr` know."""
+        if not self._envs:
+            self._envs = [EnvOfBatch(self, row) for row in range(self.num_envs)]
+        return self._envs
+
+    @property
+    def started(self) -> bool:
+        """Whether reset has been called."""
+        return self._started
 
     @property
     def sensor_units(self) -> dict[str, str]:
@@ -120,11 +161,13 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         batch = self.batch
         mask = self._reset_mask(options)
         seeds = check.env_seeds(seed, self.num_envs, "reset")
+        if np.ndim(seed) == 0:  # type: ignore[arg-type]
+            super().reset(seed=seeds[0])  # the generator of the wrappers; the engine has its own
         if not self._started:
             batch.reset()
             self._started = True
             if all(value is None for value in seeds):
-                return self._observations(), {}
+                return self._begun()
         seeded = np.array([value is not None for value in seeds], dtype=np.bool_)
         no_seeds = np.empty(0, dtype=np.uint64)
         if (mask & seeded).any():
@@ -132,20 +175,72 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             batch.reset_masked((mask & seeded).astype(np.uint8), values)
         if (mask & ~seeded).any():
             batch.reset_masked((mask & ~seeded).astype(np.uint8), no_seeds)
-        return self._observations(), {}
+        return self._begun()
 
     def step(self, actions: NDArray[Any]) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], Info]:
         batch = self.batch
         batch.step(check.actions(actions, self.num_envs, "step"))
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
+        self._show()
         return self._observations(), self._rewards.copy(), terminated, truncated, self._infos(terminated | truncated)
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """ "rgb_array": per env a frame [256, 640, 3]: the view of the agent, the floor around it, the sound at the left and right ear."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() needs a render_mode: earshot.make_vec(config, render_mode='rgb_array')")
+            return None
+        return self._frames() if self.render_mode == "rgb_array" else None
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """The attribute `name` of every env, or what the method of that name returns: pose, scene_name, episode_index, snapshot, render."""
+        values = [getattr(env, name) for env in self.envs]
+        return tuple(value(*args, **kwargs) if callable(value) else value for value in values)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Gives every env an attribute of this name: one value for all, or a list or tuple with one for each."""
+        if not isinstance(values, (list, tuple)):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs:
+            raise ValueError(f"set_attr({name!r}): {len(values)} values for {self.num_envs} envs")
+        for env, value in zip(self.envs, values, strict=True):
+            setattr(env, name, value)
+
+    def sensor_row(self, row: int) -> dict[str, NDArray[Any]]:
+        """Views of the sensors of one env, with those that a render mode adds."""
+        if self.render_mode is None:
+            raise RuntimeError("render() needs a render_mode: earshot.make_vec(config, render_mode='rgb_array')")
+        if not self._started:
+            raise RuntimeError("render() needs a reset before it")
+        _ = self.batch  # raises if closed
+        return self._sensors.all_of_row(row)
 
     def close_extras(self, **_kwargs: Any) -> None:
         """Release the batch; its memory is freed with the last array that views it."""
         self._batch = None
+        self._envs = []
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def __del__(self) -> None:
         self._batch = None
+
+    def _begun(self) -> tuple[Observation, Info]:
+        self._show()
+        return self._observations(), {}
+
+    def _frames(self) -> tuple[NDArray[np.uint8], ...]:
+        return tuple(_rendering.draw(self.sensor_row(row)) for row in range(self.num_envs))
+
+    def _show(self) -> None:
+        if self.render_mode != "human":
+            return
+        if self._window is None:
+            self._window = _rendering.Window(self.metadata["render_fps"], "Earshot")
+        self._window.show(_rendering.tile(self._frames()))
 
     def _observations(self) -> Observation:
         if self._copy:

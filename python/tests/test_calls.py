@@ -58,7 +58,7 @@ def test_errors_name_function_and_argument(scene: earshot.Scene, small: Make, tm
         (lambda: earshot.measure([math.nan], 16000), ValueError, "measure: rir has the value nan"),
         (lambda: earshot.make_vec(small(), num_envs=0), ValueError, "make_vec: num_envs is 0"),
         (lambda: earshot.make_vec(small(), threads=math.nan), TypeError, "make_vec: threads is nan"),  # type: ignore[arg-type]
-        (lambda: earshot.make_vec(None), TypeError, "make_vec: config is None"),  # type: ignore[arg-type]
+        (lambda: earshot.make_vec(None), TypeError, "make_vec: config is None"),
         (lambda: earshot.make_vec({"task": {"max_steps": math.nan}}), ValueError, "make_vec: config has a value that is not finite"),
         (lambda: earshot.parallel_env(small(), split=3), TypeError, "parallel_env: split is 3"),  # type: ignore[arg-type]
         (lambda: envs.reset(seed=-1), ValueError, "reset: seed is -1"),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """gymnasium's own checks, and what its documentation asks of every autoreset mode.
 
-check_env takes a gymnasium.Env alone, and gymnasium has no checker of vector environments: check_env sees a batch of one behind an Env.
-Does not apply: checks of pictures (no render mode) and of np_random, which the engine does not draw from.
+check_env takes a gymnasium.Env alone; gymnasium has no checker of vector environments.  Does not apply: checks of np_random, which the
+engine does not draw from.
 """
 
 from __future__ import annotations
@@ -23,40 +23,19 @@ Make = Callable[..., dict[str, Any]]
 MODES = ["same_step", "next_step", "disabled"]
 
 
-class OneEnv(gymnasium.Env[dict[str, Any], int]):
-    """A batch of one as check_env sees it."""
-
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
-
-    def __init__(self, config: dict[str, Any]) -> None:
-        self.envs = earshot.make_vec(config, num_envs=1, autoreset_mode="disabled", copy=True)
-        self.observation_space = self.envs.single_observation_space
-        self.action_space = self.envs.single_action_space
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        super().reset(seed=seed)  # check_env looks at the generator that this seeds
-        obs, infos = self.envs.reset(seed=seed, options=options)
-        return {key: array[0] for key, array in obs.items()}, infos
-
-    def step(self, action: int) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        obs, rewards, terminated, truncated, infos = self.envs.step(np.array([action]))
-        return {key: array[0] for key, array in obs.items()}, float(rewards[0]), bool(terminated[0]), bool(truncated[0]), infos
-
-    def close(self) -> None:
-        self.envs.close()
-
-
 @pytest.fixture
 def registered() -> Iterator[str]:
     name = "EarshotOfTests-v0"
-    gymnasium.register(name, entry_point=lambda **kwargs: OneEnv(**kwargs), vector_entry_point="earshot:make_vec")
+    gymnasium.register(name, entry_point="earshot.registered:RegisteredEnv", vector_entry_point="earshot:make_vec")
     yield name
     del gymnasium.registry[name]
 
 
-def test_check_env_warns_of_open_bounds_alone(small: Make, registered: str) -> None:
+def test_check_env_warns_of_open_bounds_alone(small: Make, registered: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame", reason="check_env opens a window")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     # With a spec check_env compares bits of resets and steps; the wrappers that make() adds are taken off again.
-    env = gymnasium.make(registered, config=small()).unwrapped
+    env = gymnasium.make(registered, config=small(), render_mode="rgb_array").unwrapped
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         check_env(env)
