@@ -24,7 +24,6 @@ parser.add_argument("--id", default="earshot/AudioGoal-v0", choices=earshot.env_
 parser.add_argument("--minutes", type=float, default=15)
 parser.add_argument("--num-envs", type=int, default=16)
 args = parser.parse_args()
-
 torch.manual_seed(1)
 envs = FlattenObservation(gymnasium.make_vec(args.id, num_envs=args.num_envs, threads=0))
 T, N, size = 64, args.num_envs, envs.single_observation_space.shape[0]  # type: ignore[index]
@@ -76,7 +75,6 @@ while time.perf_counter() - begin < 60 * args.minutes:
             nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimizer.step()
     obs[0] = obs[-1]
-    success = np.mean(recent) if recent else 0.0
-    seconds = time.perf_counter() - begin
+    seconds, success = time.perf_counter() - begin, np.mean(recent) if recent else 0.0
     print(f"{seconds:6.0f} s {steps:8d} steps {steps / seconds:6.0f} steps/s  success {success:.2f}", flush=True)
 envs.close()

@@ -37,8 +37,7 @@ class Body(nn.Module):
                 self.layers[-1].bias.copy_(torch.tensor(bias))
 
     def forward(self, depth: torch.Tensor, interaural: torch.Tensor, collision: torch.Tensor) -> torch.Tensor:
-        rows = [depth.flatten(-3), interaural.flatten(-3), collision.float()]
-        return self.layers(torch.cat(rows, -1))
+        return self.layers(torch.cat([depth.flatten(-3), interaural.flatten(-3), collision.float()], -1))
 
 
 def main() -> None:
@@ -47,7 +46,6 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=15)
     parser.add_argument("--num-envs", type=int, default=16)
     args = parser.parse_args()
-
     torch.manual_seed(1)
     env = EarshotTorchRLEnv(args.config, args.num_envs, threads=0)
     size = sum(int(np.prod(env.observation_spec[name].shape[1:])) for name in SENSORS)
@@ -59,12 +57,10 @@ def main() -> None:
     optimizer = torch.optim.Adam(loss.parameters(), lr=7e-4)
 
     frames = 64 * args.num_envs
-    recent: deque[float] = deque(maxlen=200)
-    begin, steps = time.perf_counter(), 0
+    recent, begin, steps = deque[float](maxlen=200), time.perf_counter(), 0
     for data in Collector(env, actor, frames_per_batch=frames, total_frames=-1):
         steps += data.numel()
-        ended = data["next", "done"]
-        recent.extend(data["next", "metrics", "success"][ended].tolist())
+        recent.extend(data["next", "metrics", "success"][data["next", "done"]].tolist())
         for _ in range(3):
             with torch.no_grad():
                 gae(data)
