@@ -120,6 +120,7 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         return self._observation(), {}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Return observation, reward, terminated (stop was called), truncated (out of steps) and info."""
         batch = self.batch
         if isinstance(action, np.ndarray) and action.ndim == 0:
             action = action[()]

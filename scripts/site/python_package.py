@@ -44,7 +44,19 @@ Results
 Environments
 ------------
 
+.. autofunction:: make
+
 .. autofunction:: make_vec
+
+.. autofunction:: env_ids
+
+.. autofunction:: packaged_configs
+
+.. autofunction:: register_envs
+
+.. autoclass:: earshot.single.EarshotEnv()
+   :members:
+   :undoc-members:
 
 .. autoclass:: earshot.vector.EarshotVectorEnv()
    :members:
