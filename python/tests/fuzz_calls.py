@@ -71,6 +71,8 @@ class Things:
         self.envs = earshot.make_vec(SMALL, num_envs=2, autoreset_mode="next_step")
         self.envs.reset(seed=1)
         self.batch = self.envs.batch
+        self.env = earshot.make(SMALL)
+        self.env.reset(seed=1)
         self.snapshot = self.batch.snapshot(0)
         self.state = self.batch.save_state()
         self.pair = earshot.parallel_env({**SMALL, "agents": 2})
@@ -201,13 +203,21 @@ def env_calls(on: Things) -> list[Call]:
             on.pair.reset()
         on.pair.step(**arguments)
 
+    def single_step(**arguments: Any) -> None:
+        obs, _, terminated, truncated, _ = on.env.step(**arguments)
+        assert on.env.observation_space.contains(obs)
+        if terminated or truncated:
+            on.env.reset()
+
     config = st.just(SMALL)
     common = {
         "overrides": st.just([]) | st.just(["task.max_steps=5"]),
         "split": st.just("train"),
         "threads": threads,
         "copy": st.booleans(),
+        "first_env": st.integers(0, 3),
     }
+    rendered = {"render_mode": st.sampled_from([None, "rgb_array"])}
     return [
         (
             "make_vec",
@@ -216,10 +226,13 @@ def env_calls(on: Things) -> list[Call]:
                 "config": config,
                 "num_envs": st.integers(1, 2),
                 "autoreset_mode": st.sampled_from(["same_step", "next_step", "disabled"]),
-                "first_env": st.integers(0, 3),
                 **common,
+                **rendered,
             },
         ),
+        ("make", lambda **a: make(earshot.make, **a), {"config": config, **common, **rendered}),
+        ("Env.step", single_step, {"action": st.integers(0, 3) | st.just(np.int8(1)) | st.just(np.array(2))}),
+        ("Env.reset", lambda **a: on.env.reset(**a), {"seed": st.none() | seeds, "options": st.none() | st.just({})}),
         ("parallel_env", lambda **a: make(earshot.parallel_env, **a), {"config": config, **common}),
         ("VectorEnv.step", lambda **a: step(on.envs, **a), {"actions": acts}),
         (

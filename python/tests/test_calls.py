@@ -37,8 +37,9 @@ def scene() -> earshot.Scene:
 
 def test_errors_name_function_and_argument(scene: earshot.Scene, small: Make, tmp_path: Path) -> None:
     source = scene.source([2, 1.5, 2])
-    envs = earshot.make_vec(small(), num_envs=2)
+    envs, env = earshot.make_vec(small(), num_envs=2), earshot.make(small())
     envs.reset(seed=1)
+    env.reset(seed=1)
     listener = [4, 1.5, 2]
     cases: list[tuple[Callable[[], Any], type[Exception], str]] = [
         (lambda: earshot.Scene(ROOM, rate_hz=0), ValueError, "Scene: rate_hz is 0"),
@@ -59,6 +60,26 @@ def test_errors_name_function_and_argument(scene: earshot.Scene, small: Make, tm
         (lambda: earshot.make_vec(small(), num_envs=0), ValueError, "make_vec: num_envs is 0"),
         (lambda: earshot.make_vec(small(), threads=math.nan), TypeError, "make_vec: threads is nan"),  # type: ignore[arg-type]
         (lambda: earshot.make_vec(None), TypeError, "make_vec: config is None"),
+        (lambda: earshot.make(None), TypeError, "make: config is None"),
+        (lambda: earshot.make(small(), threads=-1), ValueError, "make: threads is -1"),
+        (lambda: earshot.make(small(), copy=1), TypeError, "make: copy is 1"),  # type: ignore[arg-type]
+        (lambda: earshot.make(small(), render_mode=1), TypeError, "make: render_mode is 1"),  # type: ignore[arg-type]
+        (lambda: earshot.make(small(), overrides="a=1"), TypeError, "make: overrides is 'a=1'"),
+        (lambda: earshot.make(small(), first_env=-1), ValueError, "make: first_env is -1"),
+        (lambda: earshot.make("absent.yaml"), ValueError, "make: config absent.yaml cannot be read"),
+        (
+            lambda: earshot.make_vec(small(), render_mode="ansi"),
+            ValueError,
+            "make_vec: render_mode is 'ansi'; give one of rgb_array, human",
+        ),
+        (lambda: earshot.make_vec(small(), overrides=[1]), TypeError, r"make_vec: overrides\[0\] is 1"),  # type: ignore[list-item]
+        (lambda: env.reset(seed=-1), ValueError, "reset: seed is -1"),
+        (lambda: env.reset(seed=1.5), TypeError, "reset: seed is 1.5"),  # type: ignore[arg-type]
+        (lambda: env.reset(options=3), TypeError, "reset: options is 3"),  # type: ignore[arg-type]
+        (lambda: env.step(4), ValueError, "step: action is 4"),
+        (lambda: env.step(True), TypeError, "step: action is True"),
+        (lambda: env.step(np.array(1.0)), TypeError, "step: action is 1.0"),
+        (lambda: env.step(np.array([1])), TypeError, "step: action is of type ndarray"),
         (lambda: earshot.make_vec({"task": {"max_steps": math.nan}}), ValueError, "make_vec: config has a value that is not finite"),
         (lambda: earshot.parallel_env(small(), split=3), TypeError, "parallel_env: split is 3"),  # type: ignore[arg-type]
         (lambda: envs.reset(seed=-1), ValueError, "reset: seed is -1"),

@@ -110,6 +110,40 @@ def test_a_batch_goes_on_where_it_was(small: Make, way: str) -> None:
     assert np.array_equal(fresh.reset(seed=8)[0]["depth"], earshot.make_vec(small(), num_envs=2).reset(seed=8)[0]["depth"])
 
 
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+def test_an_env_goes_on_where_it_was(small: Make, way: str) -> None:
+    env = earshot.make(small())
+    env.reset(seed=8)
+    for action in (1, 2, 1):
+        env.step(action)
+    again = pickle.loads(pickle.dumps(env)) if way == "pickle" else copy.deepcopy(env)
+    for action in np.random.default_rng(4).integers(1, 4, 8).tolist():
+        before, after = env.step(action), again.step(action)
+        assert before[1:] == after[1:]
+        assert before[0].keys() == after[0].keys()
+        assert all(np.array_equal(before[0][name], after[0][name]) for name in before[0])
+    fresh = pickle.loads(pickle.dumps(earshot.make(small())))
+    assert np.array_equal(fresh.reset(seed=8)[0]["depth"], earshot.make(small()).reset(seed=8)[0]["depth"])
+
+
+def test_a_render_mode_travels(small: Make) -> None:
+    env, envs = earshot.make(small(), render_mode="rgb_array"), earshot.make_vec(small(), 2, render_mode="rgb_array")
+    env.reset(seed=8)
+    envs.reset(seed=8)
+    env_again, envs_again = pickle.loads(pickle.dumps((env, envs)))
+    assert env_again.render_mode == envs_again.render_mode == "rgb_array"
+    assert env_again.observation_space == env.observation_space
+    assert envs_again.observation_space == envs.observation_space
+    env.step(1)
+    env_again.step(1)
+    envs.step(np.array([1, 2]))
+    envs_again.step(np.array([1, 2]))
+    assert np.array_equal(env_again.render(), env.render())
+    frames = envs.render()
+    assert frames is not None
+    assert np.array_equal(envs_again.render(), frames)
+
+
 def test_agents_go_on_where_they_were(small: Make) -> None:
     env = earshot.parallel_env(small(agents=2))
     env.reset(seed=8)
