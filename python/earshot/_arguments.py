@@ -22,14 +22,14 @@ FARTHEST_M = 1e9  #: of a coordinate
 
 def shown(value: object) -> str:
     """A short text without line ends."""
+    if isinstance(value, np.generic) and not isinstance(value, (str, bytes)):
+        return str(value)[:60].replace("\n", " ")
     if isinstance(value, (str, bytes, int, float, type(None))):
         try:
             text = repr(value)
         except ValueError:  # an integer of thousands of digits
             return f"an {type(value).__name__} out of range"
         return text if len(text) <= 60 else text[:57] + "..."
-    if isinstance(value, np.generic):
-        return str(value)[:60].replace("\n", " ")
     return f"of type {type(value).__name__}"
 
 

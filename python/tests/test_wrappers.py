@@ -145,6 +145,7 @@ VECTOR: dict[str, tuple[Wrap, tuple[str, ...]]] = {
 }
 
 
+RENDER = {"AddRenderObservation", "HumanRendering", "RecordVideo", "RenderCollection"}  # these need a render mode
 # These convert every array of the infos, but final_obs is an array of objects, as in gymnasium's own batches.
 NO_FINAL_OBSERVATIONS = {"ArrayConversion", "NumpyToTorch"}
 # Gymnasium's own rule: these take over what reset and step return, which leaves out the final observations of "same_step".
@@ -169,6 +170,23 @@ def skip_without(packages: tuple[str, ...]) -> None:
         pytest.skip(f"{', '.join(missing)} not installed")
 
 
+def env_for(name: str, made: dict[str, Any], small: Make, mode: str | None) -> Any:
+    """mode: of autoreset; None: a single env."""
+    if name not in RENDER:
+        if str(mode) not in made:
+            made[str(mode)] = earshot.make_vec(small(), 3, autoreset_mode=mode) if mode else earshot.make(small())
+        return made[str(mode)]
+    keys: dict[str, Any] = {"render_mode": "rgb_array"}
+    env: Any = earshot.make_vec(small(), 3, autoreset_mode=mode, **keys) if mode else earshot.make(small(), **keys)
+    env.metadata["render_fps"] = 1000  # windows do not wait
+    return env
+
+
+def close(name: str, wrapped: Any) -> None:
+    if name in RENDER:
+        wrapped.close()
+
+
 def walk(env: Any, rng: np.random.Generator, num_envs: int | None) -> int:
     """Steps over several ends of episodes; observations are those of the space."""
     disabled = num_envs is None or env.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.DISABLED
@@ -185,6 +203,12 @@ def walk(env: Any, rng: np.random.Generator, num_envs: int | None) -> int:
     return ends
 
 
+@pytest.fixture(scope="module")
+def made() -> dict[str, Any]:
+    """Envs that several tests wrap, each from a reset on."""
+    return {}
+
+
 @pytest.fixture
 def quiet(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -199,12 +223,12 @@ def test_no_wrapper_is_left_out() -> None:
 @pytest.mark.usefixtures("quiet")
 @pytest.mark.parametrize("name", SINGLE)
 @pytest.mark.filterwarnings("ignore")
-def test_single_wrappers(small: Make, name: str) -> None:
+def test_single_wrappers(small: Make, made: dict[str, Any], name: str) -> None:
     wrap, packages = SINGLE[name]
     skip_without(packages)
-    env = wrap(earshot.make(small(), render_mode="rgb_array"))
+    env = wrap(env_for(name, made, small, None))
     assert walk(env, np.random.default_rng(1), None) >= 2
-    env.close()
+    close(name, env)
 
 
 @pytest.mark.usefixtures("quiet")
@@ -212,7 +236,7 @@ def test_single_wrappers(small: Make, name: str) -> None:
 def test_single_wrappers_that_are_refused(small: Make, name: str) -> None:
     wrap, error, reason = SINGLE_REFUSED[name]
     with pytest.raises(error, match=reason):
-        wrap(earshot.make(small(), render_mode="rgb_array"))
+        wrap(earshot.make(small()))
 
 
 def refusal(name: str, mode: str) -> str | None:
@@ -226,10 +250,10 @@ def refusal(name: str, mode: str) -> str | None:
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", VECTOR)
 @pytest.mark.filterwarnings("ignore")
-def test_vector_wrappers(small: Make, name: str, mode: str) -> None:
+def test_vector_wrappers(small: Make, made: dict[str, Any], name: str, mode: str) -> None:
     wrap, packages = VECTOR[name]
     skip_without(packages)
-    envs = earshot.make_vec(small(), 3, autoreset_mode=mode, render_mode="rgb_array")
+    envs = env_for(name, made, small, mode)
     expected = refusal(name, mode)
     if expected:
         with pytest.raises(ValueError, match=expected):
@@ -241,7 +265,7 @@ def test_vector_wrappers(small: Make, name: str, mode: str) -> None:
             walk(wrapped, np.random.default_rng(1), 3)
         return
     assert walk(wrapped, np.random.default_rng(1), 3) >= 4
-    wrapped.close()
+    close(name, wrapped)
 
 
 def test_wrapped_observations_are_those_of_the_envs(small: Make) -> None:
