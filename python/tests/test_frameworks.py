@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -19,6 +20,8 @@ import earshot
 from earshot.integrations._plain import FlatRows, PlainBatch
 
 Make = Callable[..., dict[str, Any]]
+#: Frameworks that pin gymnasium below 1.0 do without its VectorEnv.
+vectors = pytest.mark.skipif(int(gymnasium.__version__.split(".")[0]) < 1, reason="gymnasium below 1.0")
 ACTIONS = np.random.default_rng(7).choice(4, size=(25, 3), p=[0.1, 0.5, 0.2, 0.2])
 
 
@@ -33,6 +36,7 @@ def same(a: Any, b: Any) -> bool:
     return set(a) == set(b) and all(np.array_equal(np.asarray(a[key]), np.asarray(b[key])) for key in b)
 
 
+@vectors
 def test_the_plain_batch_steps_as_the_vector_env(small: Make) -> None:
     first, steps = expected_steps(small(), "same_step")
     plain = PlainBatch(small(), 3)
@@ -63,9 +67,9 @@ def test_the_plain_batch_steps_as_the_vector_env(small: Make) -> None:
 @pytest.mark.parametrize(
     ("module", "package", "extra"),
     [
-        ("stable_baselines3", "stable_baselines3", "sb3"),
-        ("torchrl", "torch", "torchrl"),
-        ("rllib", "ray", "rllib"),
+        pytest.param("stable_baselines3", "stable_baselines3", "sb3", marks=vectors),
+        pytest.param("torchrl", "torch", "torchrl", marks=vectors),
+        pytest.param("rllib", "ray", "rllib", marks=vectors),
         ("pufferlib", "pufferlib", "puffer"),
         ("sample_factory", "sample_factory", "sample-factory"),
     ],
