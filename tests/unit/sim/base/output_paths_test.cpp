@@ -42,7 +42,7 @@ TEST(OutputPaths, PlacesThatCannotBeWrittenAreNamedAndLeftAlone) {
   EXPECT_THAT(refusal_of({{"--out", file, Kind::folder}}), HasSubstr("is a file, but a folder is written there"));
   EXPECT_THAT(refusal_of({{"--out", file + "/x/y"}}), HasSubstr("is not a folder"));
   EXPECT_THAT(refusal_of({{"--out", "/dev/null"}}), HasSubstr("is not a regular file"));
-  // Nobody, root included, makes files in /proc, or one of so long a name.
+  // No caller, root included, makes files in /proc, or one of so long a name.
   for (const char* place : {"/proc/x", "/proc/x/y/z"}) EXPECT_THAT(refusal_of({{"--out", place}}), HasSubstr("cannot be written in /proc"));
   EXPECT_THAT(refusal_of({{"--out", "/proc/x", Kind::folder}}), HasSubstr("cannot be written in /proc"));
   EXPECT_THAT(refusal_of({{"--out", folder / std::string(300, 'x')}}), HasSubstr("File name too long"));
