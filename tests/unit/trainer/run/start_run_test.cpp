@@ -52,7 +52,11 @@ class StartRun : public testing::Test {
     checkpoint.config_yaml = config_text(config(overrides));
     checkpoint.engine = engine_;
     checkpoint.engine_commit = "abc";
-    if (!is_policy_) checkpoint.env_states = {encode(EnvState{.set_hash = load_episode_set(config(overrides).train.file).hash})};
+    if (!is_policy_) {
+      EnvState state;
+      state.set_hash = load_episode_set(config(overrides).train.file).hash;
+      checkpoint.env_states = {encode(state)};
+    }
     save_checkpoint(checkpoint, path(name));
     return path(name);
   }
