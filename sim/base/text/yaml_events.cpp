@@ -78,6 +78,10 @@ void YamlEvents::pass_scalar() {
   const std::size_t before = text_.substr(0, passed_).find_last_not_of(' ');
   if (is_block_text && before != std::string_view::npos && text_[before] == '\n')
     fail_at(passed_, fmt::format("has a '{}' at the beginning of a line", text_[passed_]), "write it behind its key, or quote the text");
+  // '+' and widths are read differently by other readers.
+  const std::string_view marks = is_block_text ? text_.substr(passed_ + 1, text_.find_first_of(" \t\r\n", passed_) - passed_ - 1) : "";
+  if (!marks.empty() && marks != "-")
+    fail_at(passed_, fmt::format("has '{}{}' before a text of several lines", text_[passed_], marks), "write '|', '>', '|-' or '>-'");
   passed_ = std::max(passed_, end);
 }
 

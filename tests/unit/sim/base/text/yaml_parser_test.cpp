@@ -215,6 +215,8 @@ TEST(YamlMeaning, WhatLooksAlikeIsReadAlikeOrRefusedInOneLine) {
       {"a: {: 1}\n", "a.yaml:1: has no key or value where one begins"},
       {"a: \"x\\_\"\n", "a.yaml:1: has an escape"},
       {"a:\n  -\n  |\n   x\n", "a.yaml:3: has a '|' at the beginning of a line"},
+      {"a: >+\n  x\n", "a.yaml:1: has '>+' before a text of several lines"},
+      {"a: |2\n    x\n", "a.yaml:1: has '|2' before a text of several lines"},
       {"a: [b :]\n", "a.yaml:1: has a ':'"},
       {"a: 1\nb\n", "a.yaml:2: has a line without ':'"},
       {"a:\n  b: 1\n c: 2\n", "a.yaml:3: is indented differently"},
