@@ -112,7 +112,10 @@ def test_make_step_and_reset_and_the_batch_goes_on(small: Make, record_property:
 
 @pytest.mark.parametrize("ends", ["", "try:\n    work()\nexcept KeyboardInterrupt:\n    raise SystemExit(3)"])
 def test_ctrl_c_ends_a_program(tmp_path: Path, ends: str) -> None:
+    # Where the tests run in the background of a shell, children inherit a SIGINT that is ignored.
     script = f"""
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import earshot, sys
 source = earshot.Scene("shoebox:9x4x7@0.05", preset="high", settings={{"rays": 200_000, "field": "off"}}).source([2, 1.5, 2])
 def work():
