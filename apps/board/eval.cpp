@@ -257,7 +257,7 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
 void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code) {
   auto options = std::make_shared<EvalArguments>();
   CLI::App* command = app.add_subcommand("eval", "Run an agent on all episodes of a set and report its metrics");
-  command->add_option("AGENT", options->agent, "Checkpoint, run folder, or one of: " + baseline_names())->required();
+  command->add_option("AGENT", options->agent, "Policy file, checkpoint, run folder, or one of: " + baseline_names())->required();
   command->add_option("--episodes", options->evaluation.episodes, "Episode set (default: data.eval.file of the config)");
   command->add_option("--out", options->out, "Result file to write (JSON)")->type_name(kOutputFile);
   command->add_option("--config", options->config, "Run config with the environment for a baseline");
