@@ -45,12 +45,12 @@ void merge_maps(YamlNode& node, const YamlSource& source) {
     maps.push_back(std::move(merged));
   node.keys.erase(merge);
   node.items.erase(node.items.begin() + place);
-  std::set<std::string> own;
-  for (const YamlNode::Key& key : node.keys) own.insert(key.text);
+  std::set<std::string> names;
+  for (const YamlNode::Key& key : node.keys) names.insert(key.text);
   for (YamlNode& map : maps) {
     if (!map.is_map()) source.fail(line, "<< merges something else than maps", "name a map by its alias, or a list of them");
     for (std::size_t i = 0; i < map.keys.size(); ++i) {
-      if (!own.insert(map.keys[i].text).second) continue;
+      if (!names.insert(map.keys[i].text).second) continue;
       node.keys.push_back(std::move(map.keys[i]));
       node.items.push_back(std::move(map.items[i]));
     }

@@ -16,8 +16,4 @@ std::size_t json_depth(std::string_view text);
 /// hundred bytes on a bracket, and code that walks the result recurses once per level, so a file of brackets alone would end the program.
 void check_json_depth(std::string_view text, const std::string& where);
 
-/// Throws InputError "where:line: a.b is given twice, in lines 3 and 7; keep one of the two" for the first key that an object of a JSON
-/// text has twice: parsers keep one of its values and say nothing.  For files that people write; the text is valid.
-void check_unique_keys(std::string_view text, const std::string& where);
-
 }  // namespace earshot

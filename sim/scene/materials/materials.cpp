@@ -14,6 +14,7 @@
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_keys.h"
 #include "sim/base/text/schema_version.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/materials/material_keys.h"

@@ -14,7 +14,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/config_tree.h"
-#include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_keys.h"
 #include "tests/support/configs/random_config.h"
 
 namespace earshot {
