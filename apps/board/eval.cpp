@@ -146,10 +146,12 @@ void enter_policy(Plan& plan, const Benchmark& benchmark, const EvalArguments& o
   const bool anything = !options.track.empty();
   const std::string where = plan.checkpoint.path.string();
   plan.process = std::make_shared<PolicyProcess>(plan.checkpoint, policy_limits(options));
-  if (plan.process->has_files() && options.part_folder.empty())
+  if (plan.process->can_open_files() && options.part_folder.empty())
     log_warning("this kernel has no Landlock: the policy's process is limited in memory and time, but could open files");
-  const RunConfig policy = parse_effective_config(plan.process->config_yaml(), where + " (its config)",
-                                                  {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""});
+  const RunConfig policy = parse_effective_config(plan.process->config_yaml(), where + " (its config)", without_paths());
+  constexpr std::size_t max_name = 100;
+  if (policy.name.size() > max_name)
+    throw InputError(where, fmt::format("has a name of {} bytes", policy.name.size()), fmt::format("at most {} are shown", max_name));
   if (has_control_character(policy.name)) throw InputError(where, "has control characters in its name", "ask its author for another file");
   refuse_larger_network(policy.policy, plan.checkpoint.bytes.size(), where);
   plan.config = with_decided_acoustics(benchmark.run);
@@ -191,7 +193,8 @@ Plan plan_of(const EvalArguments& options, const EvaluationWorker* worker) {
     use_training_set(plan.config, evaluation);
     if (evaluation.episodes.empty()) throw InputError("--episodes", "is missing", "name an episode set, or a --config that names one");
   } else {
-    plan.checkpoint = worker != nullptr ? worker->checkpoint() : read_checkpoint(options.agent, benchmark ? kMaxPolicyBytes : 0);
+    plan.checkpoint =
+        worker != nullptr ? worker->checkpoint() : read_checkpoint(options.agent, benchmark ? kMaxPolicyBytes : kMaxCheckpointBytes);
     if (benchmark) {
       enter_policy(plan, *benchmark, options);
     } else {

@@ -78,7 +78,7 @@ bool needs_places(const LeaderboardArguments& options) {
 /// Without a benchmark each result is noted by the file that it names, if that is near and holds its set still: else tables go without.
 void note_all_places(ReadResults& read, const std::vector<std::string>& files, const std::string& scene_root, bool is_benchmark) {
   FloorAreas areas(scene_root);
-  std::map<std::string, EpisodeSet> sets;
+  std::map<std::string, EpisodeSet> sets;  // by hash: a name means another file in another folder
   for (std::size_t i = 0; i < files.size(); ++i) {
     EvaluationResult& result = read.results[i];
     if (is_benchmark) {
@@ -86,8 +86,9 @@ void note_all_places(ReadResults& read, const std::vector<std::string>& files, c
       continue;
     }
     try {
-      if (!sets.contains(result.episodes_file)) sets.emplace(result.episodes_file, set_of_result(result, files[i], folders_near(files[i])));
-      note_places(result, sets.at(result.episodes_file), areas);
+      const std::string hash = result.set_hash;
+      if (!sets.contains(hash)) sets.emplace(hash, set_of_result(result, files[i], folders_near(files[i])));
+      note_places(result, sets.at(hash), areas);
     } catch (const InputError&) {  // the set or its scenes have gone elsewhere
     }
   }

@@ -136,7 +136,9 @@ EnvConfig env_for_policy(const Benchmark& benchmark, const EnvConfig& benchmark_
   }
   if (track_of(benchmark.tracks, read) == nullptr)
     throw InputError(where, fmt::format("{}: {} refuses it", no_track_reason(benchmark.tracks, read), named(benchmark)), kOtherTrack);
-  const auto changed = changed_settings(sensed_config(benchmark_env), sensed_config(policy_env), read);
+  EnvConfig theirs = policy_env;
+  theirs.hrtf = benchmark_env.hrtf;  // the head is the benchmark's, and a path of others is not read
+  const auto changed = changed_settings(sensed_config(benchmark_env), sensed_config(theirs), read);
   if (!changed.empty())
     throw InputError(
         where,

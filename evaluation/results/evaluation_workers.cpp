@@ -119,8 +119,9 @@ EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arg
       continue;
     }
     if (part_result.set_hash != result.set_hash || part_result.episodes.size() != result.episodes.size() ||
-        part_result.policy_hash != result.policy_hash)
-      throw RunError("eval --workers", "the workers read different episodes or weights: a file was changed during the evaluation");
+        part_result.policy_hash != result.policy_hash || part_result.senses != result.senses || part_result.agent != result.agent ||
+        part_result.rules != result.rules)
+      throw RunError("eval --workers", "the workers read different episodes, weights or configs: a file was changed during the evaluation");
     for (std::size_t i = 0; i < part_result.episodes.size(); ++i)
       if (!part_result.episodes[i].scene.empty()) result.episodes[i] = std::move(part_result.episodes[i]);
   }

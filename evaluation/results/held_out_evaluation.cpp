@@ -68,12 +68,12 @@ class SplitEvaluation : public HeldOutEvaluator {
                                         collective.note_progress();
                                         if (StopSignals::received()) throw BrokenOff();
                                       }};
-    std::string own;
+    std::string local_part;
     try {
-      own = run_part(policy);
+      local_part = run_part(policy);
     } catch (const BrokenOff&) {  // the others are told
     }
-    return scores_of(collective.all_gather(own));
+    return scores_of(collective.all_gather(local_part));
   }
 
  private:

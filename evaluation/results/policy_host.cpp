@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -47,14 +46,13 @@ void warm_up() {
 /// The policy and its batch, as requests make them.
 class PolicyHost {
  public:
-  /// Answers with what it is.
-  std::string load(const std::string& request, bool has_files) {
+  /// Answers with config and hash.
+  std::string load(const std::string& request) {
     const std::size_t zero = request.find('\0');
     where_ = request.substr(0, zero);
     checkpoint_ = decode_checkpoint(std::string_view(request).substr(std::min(request.size(), zero + 1)), where_);
     return json_text(nlohmann::json{{"config", checkpoint_.config_yaml},
-                                    {"policy_hash", hex64(hash_of(checkpoint_.weights, hash64(checkpoint_.architecture)))},
-                                    {"has_files", has_files}});
+                                    {"policy_hash", hex64(hash_of(checkpoint_.weights, hash64(checkpoint_.architecture)))}});
   }
 
   void begin(const std::string& request) {
@@ -63,7 +61,7 @@ class PolicyHost {
     EnvConfig env;
     read(reader, env);
     reader.finish();
-    const RunConfig config = parse_effective_config(checkpoint_.config_yaml, where_ + " (its config)", kWithoutFolders);
+    const RunConfig config = parse_effective_config(checkpoint_.config_yaml, where_ + " (its config)", without_paths());
     ActorCritic policy(env.observation, config.policy);
     load_weights(policy, checkpoint_, where_);
     policy->eval();
@@ -105,9 +103,6 @@ class PolicyHost {
     return {reinterpret_cast<const char*>(actions.data()), actions.size() * sizeof(std::int32_t)};
   }
 
-  /// Folders that a policy's config names are not its readers'.
-  inline static const std::vector<std::string> kWithoutFolders{"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""};
-
  private:
   /// [rows], 0 where the current observation begins an episode.
   static torch::Tensor not_done(const std::vector<PolicyRow>& rows) {
@@ -132,7 +127,7 @@ void reply(FrameChannel& channel, PolicyMessage kind, std::string_view bytes) {
   if (channel.send(static_cast<std::uint64_t>(kind), parts, std::nullopt) != FrameChannel::Status::done) ::_exit(0);
 }
 
-void serve(FrameChannel& channel, bool has_files) {
+void serve(FrameChannel& channel, bool can_open_files) {
   PolicyHost host;
   for (;;) {
     std::uint64_t kind = 0;
@@ -140,8 +135,11 @@ void serve(FrameChannel& channel, bool has_files) {
     if (channel.receive(kind, request, kMaxRequestBytes, std::nullopt) != FrameChannel::Status::done) return;
     std::string answer;
     switch (static_cast<PolicyMessage>(kind)) {
+      case PolicyMessage::hello:
+        answer = can_open_files ? "files" : "";
+        break;
       case PolicyMessage::load:
-        answer = host.load(request, has_files);
+        answer = host.load(request);
         break;
       case PolicyMessage::begin:
         host.begin(request);
@@ -156,15 +154,9 @@ void serve(FrameChannel& channel, bool has_files) {
   }
 }
 
-std::uint64_t to_number(std::string_view digits) {
-  std::uint64_t number = 0;
-  static_cast<void>(std::from_chars(digits.data(), digits.data() + digits.size(), number));
-  return number;
-}
-
 /// Of libtorch too, which says so by an exception of its own.
-bool is_out_of_memory(std::string_view what) {
-  return what.find("allocate memory") != std::string_view::npos || what.find("not enough memory") != std::string_view::npos;
+bool is_out_of_memory(std::string_view message) {
+  return message.find("allocate memory") != std::string_view::npos || message.find("not enough memory") != std::string_view::npos;
 }
 
 }  // namespace
@@ -175,21 +167,23 @@ int serve_policy(int argc, char** argv) {
     std::fputs("policy-process: internal to 'earshot eval --benchmark'; do not run it directly\n", stderr);
     return 2;
   }
-  const std::uint64_t memory_bytes = to_number(argv[3]);
+  std::uint64_t memory_bytes = 0;
   FrameChannel channel{Descriptor(kAnswerDescriptor)};
   std::string refusal;
   try {
+    memory_bytes = number_argument(argv[3]);
     use_one_torch_thread();
     warm_up();
-    const bool has_files = !give_up_files();
-    take_on_limits({.caller = static_cast<pid_t>(to_number(argv[2])), .memory_bytes = memory_bytes, .cpu_seconds = to_number(argv[4])});
-    serve(channel, has_files);
+    // In this order: limits are measured by a file.
+    take_on_limits(
+        {.caller = static_cast<pid_t>(number_argument(argv[2])), .memory_bytes = memory_bytes, .cpu_seconds = number_argument(argv[4])});
+    serve(channel, !give_up_files());
     ::_exit(0);
   } catch (const std::bad_alloc&) {
     refusal = "needs more memory";
   } catch (const std::exception& error) {
-    const std::string_view what = error.what();
-    refusal = is_out_of_memory(what) ? "needs more memory" : what.substr(0, what.find('\n'));
+    const std::string_view message = error.what();
+    refusal = is_out_of_memory(message) ? "needs more memory" : message.substr(0, message.find('\n'));
   }
   if (refusal == "needs more memory") refusal = fmt::format("needs more than {} MB of memory", memory_bytes >> 20);
   reply(channel, PolicyMessage::refusal, std::string_view(refusal).substr(0, 4000));

@@ -9,12 +9,12 @@
 #include <array>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
 #include "envs/task/action.h"
+#include "sim/base/control_characters.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/child_program.h"
 #include "sim/base/process/frame_channel.h"
@@ -28,6 +28,9 @@ namespace {
 
 constexpr std::uint64_t kMaxDescriptionBytes = std::uint64_t{1} << 20;
 constexpr std::uint64_t kMaxRefusalBytes = 4096;
+/// Others may hold secrets of a job.
+const std::vector<std::string> kPassedVariables{"PATH",   "LD_LIBRARY_PATH", "LD_PRELOAD",   "HOME",          "LANG",
+                                                "LC_ALL", "TMPDIR",          "ASAN_OPTIONS", "UBSAN_OPTIONS", "LSAN_OPTIONS"};
 constexpr const char* kRemedy = "ask its author for another file, or allow more with --policy-memory-gb and --policy-seconds";
 
 std::string_view row_bytes(std::span<const PolicyRow> rows) { return {reinterpret_cast<const char*>(rows.data()), rows.size_bytes()}; }
@@ -55,13 +58,14 @@ struct PolicyProcess::Impl {
         folder(temporary_parent(), "earshot-policy-"),
         pair(make_socket_pair()),
         channel(std::move(pair.ours)),
-        child({.program = std::filesystem::read_symlink("/proc/self/exe"),
+        child({.program = "/proc/self/exe",  // this build, also where its file has been replaced
                .arguments = {kPolicyProcessWord, std::to_string(::getpid()), std::to_string(limits.memory_bytes),
                              std::to_string(limits.cpu.count())},
                .descriptor = pair.theirs.get(),
                .folder = folder.path(),
                // Threads keep rights that Landlock takes from the one that asks.
-               .variables = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1", "MKL_NUM_THREADS=1"}}) {
+               .variables = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1", "MKL_NUM_THREADS=1"},
+               .passed = kPassedVariables}) {
     pair.theirs = Descriptor();  // so that its end shows
   }
 
@@ -72,7 +76,7 @@ struct PolicyProcess::Impl {
   FrameChannel channel;
   ChildProgram child;
   std::string config_yaml, policy_hash;
-  bool has_files = false, has_begun = false;
+  bool can_open_files = false, has_begun = false;
   std::vector<PolicyRow> rows;
 
   /// The answer to a request, of at most so many bytes.
@@ -94,15 +98,13 @@ struct PolicyProcess::Impl {
 
   [[noreturn]] void refuse(std::string text) {
     child.end();
-    std::ranges::replace_if(
-        text, [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+    text = printable(text);
     if (text.starts_with(where + ": ")) text.erase(0, where.size() + 2);
-    throw InputError(where, text, text.find("; ") == std::string::npos ? kRemedy : "");
+    throw InputError(where, text, kRemedy);
   }
 
   std::string manner_of_end() {
-    ::usleep(10'000);  // between the end of its socket and that of the process
-    const std::optional<int> status = child.end();
+    const std::optional<int> status = child.end(std::chrono::seconds(1));  // it ends after its socket
     if (status && WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);
       if (signal == SIGXCPU) return fmt::format("takes more than {} s of CPU time", limits.cpu.count());
@@ -113,13 +115,13 @@ struct PolicyProcess::Impl {
   }
 
   void load(const CheckpointBytes& policy) {
+    can_open_files = !ask(PolicyMessage::hello, {}, kMaxRefusalBytes).empty();  // before it has read anything of others
     const std::array<std::string_view, 3> parts{where, std::string_view("\0", 1), policy.bytes};
     const std::string text = ask(PolicyMessage::load, parts, kMaxDescriptionBytes);
     try {
       const nlohmann::json description = parse_json(text);
       description.at("config").get_to(config_yaml);
       description.at("policy_hash").get_to(policy_hash);
-      description.at("has_files").get_to(has_files);
     } catch (const std::exception&) {
       refuse("gives an answer that is no answer");
     }
@@ -134,9 +136,11 @@ PolicyProcess::PolicyProcess(const CheckpointBytes& policy, const PolicyLimits& 
 
 PolicyProcess::~PolicyProcess() = default;
 
+std::vector<std::string> without_paths() { return {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""}; }
+
 const std::string& PolicyProcess::config_yaml() const { return impl_->config_yaml; }
 const std::string& PolicyProcess::policy_hash() const { return impl_->policy_hash; }
-bool PolicyProcess::has_files() const { return impl_->has_files; }
+bool PolicyProcess::can_open_files() const { return impl_->can_open_files; }
 
 void PolicyProcess::act(const BatchedEnv& env, ActionChoice choice, std::uint64_t seed, std::span<std::int32_t> actions) {
   Impl& in = *impl_;

@@ -22,10 +22,9 @@ struct PolicyLimits {
   std::chrono::seconds answer{120};                     ///< wall time until it is loaded, and for each step of the batch
 };
 
-/// A policy that others have written, run in a process of its own.  This process reads only what comes back: a config of at most 1 MB, and
-/// an action for each environment.  That process has an empty folder, which goes with it, no core, no file to write, and the limits above;
-/// under Linux with Landlock it can open no file at all, so that neither the private set nor the results of others are within its reach.
-/// Same inputs, same actions as in one process.
+/// Runs a submitted policy in a child process.  The child has an empty working folder, writes no files, leaves no core and obeys
+/// PolicyLimits; with Landlock it opens no files, so the private set and the results of others are out of its reach.  This process reads
+/// from it only a config (at most 1 MB) and one action per environment.  Actions equal those of a run in one process.
 class PolicyProcess {
  public:
   /// Starts the process and loads the policy.  Throws InputError that names the policy's file: it is refused, crashes, or meets a limit;
@@ -37,7 +36,7 @@ class PolicyProcess {
 
   [[nodiscard]] const std::string& config_yaml() const;  ///< what the policy says its config is
   [[nodiscard]] const std::string& policy_hash() const;  ///< of its weights and architecture, 16 hexadecimal digits
-  [[nodiscard]] bool has_files() const;                  ///< the kernel could not take from it the right to open files
+  [[nodiscard]] bool can_open_files() const;             ///< the kernel has no Landlock, which would deny it
 
   /// An action for each environment of the batch, for its current observations.  The first call builds the network for the sensors of the
   /// batch.  Throws InputError as the constructor, and where the weights do not fit or give no finite numbers.
@@ -50,16 +49,20 @@ class PolicyProcess {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Overrides that empty the paths in the config of a policy: those of its author are neither read nor written.
+std::vector<std::string> without_paths();
+
 /// Word by which a program is told to be the process of a policy, and what its main does then.
 inline constexpr const char* kPolicyProcessWord = "policy-process";
 int serve_policy(int argc, char** argv);
 
 /// What travels: a request and its answer, or a refusal.
 enum class PolicyMessage : std::uint64_t {
-  load = 1,     ///< the file's name, a zero, the file; answered by JSON {config, policy_hash, has_files}
+  hello = 0,    ///< answered by nothing where the process can open no files, else by "files"
+  load = 1,     ///< the file's name, a zero, the file; answered by JSON {config, policy_hash}
   begin = 2,    ///< JSON {env, rows, argmax, seed, sensors [{name, type, shape}]}; answered by nothing
   step = 3,     ///< PolicyRow for each row, then the rows of each sensor; answered by an int32 for each row
-  answer = 10,  ///<
+  answer = 10,  ///< to the request before it
   refusal = 11  ///< one line
 };
 struct PolicyRow {

@@ -7,11 +7,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <new>
 #include <string_view>
 #include <system_error>
+#include <thread>
 
 #include "sim/base/errors.h"
 
@@ -35,16 +38,16 @@ struct SpawnActions {
   posix_spawnattr_t attributes{};
 };
 
-/// This process's variables, and those that take the place of some; pointers into both.
-std::vector<char*> environment_with(const std::vector<std::string>& variables) {
+/// Variables of this process that the program gets, then those of the setup; pointers into both.
+std::vector<char*> environment_of(const ChildSetup& setup) {
   std::vector<char*> all;
   for (char** variable = environ; *variable != nullptr; ++variable) {
-    const std::string_view name(*variable, std::string_view(*variable).find('=') + 1);
-    bool is_replaced = false;
-    for (const std::string& other : variables) is_replaced = is_replaced || other.starts_with(name);
-    if (!is_replaced) all.push_back(*variable);
+    const std::string_view text = *variable, name = text.substr(0, text.find('=') + 1);
+    const auto begins_with_name = [&](const std::string& other) { return other.starts_with(name); };
+    const bool is_passed = setup.passed.empty() || std::ranges::find(setup.passed, text.substr(0, text.find('='))) != setup.passed.end();
+    if (is_passed && std::ranges::none_of(setup.variables, begins_with_name)) all.push_back(*variable);
   }
-  for (const std::string& variable : variables) all.push_back(const_cast<char*>(variable.c_str()));  // as execve is declared
+  for (const std::string& variable : setup.variables) all.push_back(const_cast<char*>(variable.c_str()));  // as execve is declared
   all.push_back(nullptr);
   return all;
 }
@@ -54,21 +57,22 @@ std::vector<char*> environment_with(const std::vector<std::string>& variables) {
 ChildProgram::ChildProgram(const ChildSetup& setup) {
   SpawnActions spawn;
   if (!setup.folder.empty()) posix_spawn_file_actions_addchdir_np(&spawn.actions, setup.folder.c_str());
-  // What libraries print is dropped: the answer says in one line what is wrong.
+  // Output of libraries is dropped: the answer states the error in one line.
   posix_spawn_file_actions_addopen(&spawn.actions, 0, "/dev/null", O_RDONLY, 0);
   for (const int output : {1, 2}) posix_spawn_file_actions_addopen(&spawn.actions, output, "/dev/null", O_WRONLY, 0);
   posix_spawn_file_actions_adddup2(&spawn.actions, setup.descriptor, kAnswerDescriptor);
-  sigset_t all, none;
-  sigfillset(&all);
-  sigemptyset(&none);
-  posix_spawnattr_setsigdefault(&spawn.attributes, &all);
-  posix_spawnattr_setsigmask(&spawn.attributes, &none);
+  posix_spawn_file_actions_addclosefrom_np(&spawn.actions, kAnswerDescriptor + 1);
+  sigset_t all_signals, no_signals;
+  sigfillset(&all_signals);
+  sigemptyset(&no_signals);
+  posix_spawnattr_setsigdefault(&spawn.attributes, &all_signals);
+  posix_spawnattr_setsigmask(&spawn.attributes, &no_signals);
   posix_spawnattr_setpgroup(&spawn.attributes, 0);
   posix_spawnattr_setflags(&spawn.attributes, static_cast<short>(POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP));
   std::vector<char*> pointers{const_cast<char*>(setup.program.c_str())};  // as execve is declared; never written to
   for (const std::string& argument : setup.arguments) pointers.push_back(const_cast<char*>(argument.c_str()));
   pointers.push_back(nullptr);
-  const std::vector<char*> environment = environment_with(setup.variables);
+  const std::vector<char*> environment = environment_of(setup);
   const int error = ::posix_spawn(&pid_, setup.program.c_str(), &spawn.actions, &spawn.attributes, pointers.data(), environment.data());
   if (error != 0) {
     pid_ = -1;
@@ -76,9 +80,16 @@ ChildProgram::ChildProgram(const ChildSetup& setup) {
   }
 }
 
-std::optional<int> ChildProgram::end() {
+std::optional<int> ChildProgram::end(std::chrono::milliseconds patience) {
   if (pid_ < 0) return status_;
-  ::kill(pid_, SIGKILL);  // without effect on the status of one that has ended
+  siginfo_t info{};
+  const auto has_ended = [&] {
+    return ::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0 || info.si_pid == pid_;
+  };
+  for (const auto until = std::chrono::steady_clock::now() + patience; !has_ended() && std::chrono::steady_clock::now() < until;)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  // The whole group: what the program has started ends too.  Without effect on the status of one that has ended.
+  ::kill(-pid_, SIGKILL);
   int status = 0;
   pid_t waited = 0;
   while ((waited = ::waitpid(pid_, &status, 0)) < 0 && errno == EINTR) {
@@ -86,6 +97,13 @@ std::optional<int> ChildProgram::end() {
   if (waited == pid_) status_ = status;
   pid_ = -1;
   return status_;
+}
+
+std::uint64_t number_argument(std::string_view digits) {
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+  if (error != std::errc() || end != digits.data() + digits.size()) throw InputError(std::string(digits), "is not a number", "");
+  return number;
 }
 
 }  // namespace earshot

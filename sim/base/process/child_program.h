@@ -3,9 +3,12 @@
 
 #include <sys/types.h>
 
+#include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace earshot {
@@ -17,10 +20,12 @@ struct ChildSetup {
   int descriptor = -1;                      ///< open here; number kAnswerDescriptor there
   std::filesystem::path folder = {};        ///< it works in; empty: the current one
   std::vector<std::string> variables = {};  ///< "NAME=VALUE" in the place of those of this process
+  std::vector<std::string> passed = {};     ///< names of the variables of this process that it gets; empty: all
 };
 
-/// A program that runs, ended and waited for at the latest in the destructor.  Its input and outputs are /dev/null, its signals are as at
-/// the start of a program, and it is in a process group of its own: Ctrl-C goes to this process only.
+/// A program that runs, ended and waited for at the latest in the destructor.  Its input and outputs are /dev/null, no other descriptor but
+/// ChildSetup::descriptor is open, its signals are as at the start of a program, and it is in a process group of its own: Ctrl-C goes to
+/// this process only.
 class ChildProgram {
  public:
   /// Throws RunError: it cannot be started.
@@ -29,8 +34,9 @@ class ChildProgram {
   ChildProgram(const ChildProgram&) = delete;
   ChildProgram& operator=(const ChildProgram&) = delete;
 
-  /// Ends it if it has not ended; its status as waitpid gives it, nullopt if another waitpid took that.
-  std::optional<int> end();
+  /// Ends it and the programs of its group if it has not ended within `patience`.  Returns its status as waitpid gives it, nullopt if
+  /// another waitpid took that.
+  std::optional<int> end(std::chrono::milliseconds patience = {});
 
  private:
   pid_t pid_ = -1;
@@ -39,5 +45,8 @@ class ChildProgram {
 
 /// Where the program finds ChildSetup::descriptor.
 inline constexpr int kAnswerDescriptor = 3;
+
+/// A whole number among the program's arguments.  Throws InputError for any other text.
+std::uint64_t number_argument(std::string_view digits);
 
 }  // namespace earshot

@@ -13,17 +13,18 @@
 #include <iterator>
 #include <system_error>
 
+#include "sim/base/errors.h"
 #include "sim/base/file_descriptor.h"
 
 namespace earshot {
 namespace {
 
-void lower_limit(int what, rlim_t value, rlim_t grace = 0) {
+void lower_limit(int resource, rlim_t value, rlim_t grace = 0) {
   rlimit limit{};
-  if (::getrlimit(static_cast<__rlimit_resource_t>(what), &limit) != 0) return;
+  if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0) return;
   limit.rlim_cur = std::min(limit.rlim_max, value);
   limit.rlim_max = std::min(limit.rlim_max, limit.rlim_cur + grace);
-  static_cast<void>(::setrlimit(static_cast<__rlimit_resource_t>(what), &limit));
+  static_cast<void>(::setrlimit(static_cast<__rlimit_resource_t>(resource), &limit));
 }
 
 /// Address space and writable pages now (proc(5), statm), as sanitizers hold terabytes of both.
@@ -31,11 +32,12 @@ struct Footprint {
   std::uint64_t address_bytes = 0, data_bytes = 0;
 };
 Footprint footprint() {
+  constexpr const char* path = "/proc/self/statm";
   unsigned long long size = 0, data = 0;
-  if (std::FILE* file = std::fopen("/proc/self/statm", "re")) {
-    if (std::fscanf(file, "%llu %*u %*u %*u %*u %llu", &size, &data) != 2) size = data = 0;
-    std::fclose(file);
-  }
+  std::FILE* file = std::fopen(path, "re");
+  const bool is_read = file != nullptr && std::fscanf(file, "%llu %*u %*u %*u %*u %llu", &size, &data) == 2;
+  if (file != nullptr) std::fclose(file);
+  if (!is_read) throw RunError(path, "cannot be read, so memory cannot be limited");
   const auto page = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
   return {size * page, data * page};
 }

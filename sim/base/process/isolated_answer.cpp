@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -20,14 +19,6 @@ namespace earshot {
 namespace {
 
 constexpr int kOwnArguments = 4;  // name, calling process, memory, seconds
-
-std::uint64_t to_number(const char* text) {
-  std::uint64_t number = 0;
-  const std::string_view digits = text;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  if (error != std::errc() || end != digits.data() + digits.size()) throw InputError(digits, "is not a number", "");
-  return number;
-}
 
 void write_all(std::string_view bytes) {
   while (!bytes.empty()) {
@@ -49,8 +40,9 @@ int answer_isolated(int argc, char** argv, const std::function<std::string(const
   std::string bytes;
   std::uint64_t memory_bytes = 0;
   try {
-    memory_bytes = to_number(argv[2]);
-    take_on_limits({.caller = static_cast<pid_t>(to_number(argv[1])), .memory_bytes = memory_bytes, .cpu_seconds = to_number(argv[3])});
+    memory_bytes = number_argument(argv[2]);
+    take_on_limits(
+        {.caller = static_cast<pid_t>(number_argument(argv[1])), .memory_bytes = memory_bytes, .cpu_seconds = number_argument(argv[3])});
     bytes = work({argv + kOwnArguments, argv + argc});
     kind = AnswerKind::answer;
   } catch (const std::bad_alloc&) {

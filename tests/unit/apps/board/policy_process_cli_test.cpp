@@ -76,6 +76,9 @@ TEST_F(PolicyProcessCli, HonestPoliciesHaveTheBitsOfOneProcess) {
     for (const char* key : {"episodes", "policy_hash", "summary", "rules", "senses", "toolchain"}) EXPECT_EQ(here[key], apart[key]) << key;
     EXPECT_EQ(json_of("workers.json")["checksum"], apart["checksum"]);
   }
+  // The limit is on what the policy takes, not on what libtorch maps before it is read (more than that).
+  expect_done("eval " + file + board() + " --sample --policy-memory-gb 0.25 --out " + path("small.json"));
+  EXPECT_EQ(json_of("small.json")["checksum"], json_of("apart.json")["checksum"]);
 }
 
 TEST_F(PolicyProcessCli, TooMuchMemoryIsRefusedInOneLine) {

@@ -13,6 +13,8 @@
 #include <filesystem>
 #include <functional>
 
+#include "sim/base/errors.h"
+
 namespace earshot {
 namespace {
 
@@ -47,6 +49,37 @@ TEST(Confinement, MemoryFilesAndTimeAreLimited) {
     return 0;
   });
   EXPECT_TRUE(WIFSIGNALED(time) && WTERMSIG(time) == SIGXCPU) << time;
+}
+
+// As a process of a policy does it: a limit that was not measured would be one on all that is mapped.
+TEST(Confinement, WhatIsThereBeforeDoesNotCount) {
+  void* before = ::mmap(nullptr, std::size_t{1} << 30, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  ASSERT_NE(before, MAP_FAILED);
+  const int status = status_of([] {
+    static_cast<void>(give_up_files());
+    return can_map(std::size_t{64} << 20) && !can_map(std::size_t{512} << 20) ? 7 : 1;
+  });
+  ::munmap(before, std::size_t{1} << 30);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 7) << status;
+}
+
+// Where files are out of reach first, nothing tells what is mapped: no limit is made up.
+TEST(Confinement, LimitsThatCannotBeMeasuredAreRefused) {
+  const pid_t parent = ::getpid(), child = ::fork();
+  if (child == 0) {
+    if (!give_up_files()) ::_exit(77);
+    try {
+      take_on_limits({.caller = parent, .memory_bytes = std::uint64_t{256} << 20, .cpu_seconds = 1});
+    } catch (const RunError&) {
+      ::_exit(7);
+    }
+    ::_exit(1);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == 77) GTEST_SKIP() << "this kernel has no Landlock";
+  EXPECT_EQ(WEXITSTATUS(status), 7);
 }
 
 TEST(Confinement, FilesAreOutOfReachButWhatIsOpen) {
