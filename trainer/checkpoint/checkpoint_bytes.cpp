@@ -11,9 +11,9 @@ namespace earshot {
 CheckpointBytes read_checkpoint(const std::filesystem::path& folder_or_file, std::size_t max_bytes) {
   constexpr int tries = 5;
   for (int i = 1;; ++i) {
-    const std::filesystem::path path = find_checkpoint(folder_or_file);
+    const std::filesystem::path path = find_checkpoint(folder_or_file, max_bytes);
     try {
-      return {path, read_regular_file(path, max_bytes > 0 ? max_bytes : kMaxCheckpointBytes)};
+      return {path, read_regular_file(path, max_bytes)};
     } catch (const InputError&) {
       if (i == tries || std::filesystem::exists(path)) throw;
     }

@@ -17,9 +17,8 @@ struct CheckpointBytes {
   std::string bytes;
 };
 
-/// find_checkpoint() and the whole file, again where the run has removed it in between.  max_bytes: 0: of any checkpoint.  Throws
-/// InputError: none, or larger.
-CheckpointBytes read_checkpoint(const std::filesystem::path& folder_or_file, std::size_t max_bytes = 0);
+/// find_checkpoint() and the whole file, again where the run has removed it in between.  Throws InputError: none, or all are larger.
+CheckpointBytes read_checkpoint(const std::filesystem::path& folder_or_file, std::size_t max_bytes = kMaxCheckpointBytes);
 
 /// load_checkpoint_metadata() of what was read.
 CheckpointMetadata metadata_of(const CheckpointBytes& checkpoint);

@@ -18,7 +18,6 @@ constexpr std::string_view kCheckpointMagic{"EARSHOT\0", 8};
 constexpr std::uint32_t kCheckpointVersion = 2;
 constexpr std::size_t kCheckpointHeaderBytes = kCheckpointMagic.size() + sizeof(std::uint32_t) + sizeof(std::uint64_t);
 constexpr std::size_t kCheckpointHashBytes = sizeof(std::uint64_t);
-constexpr std::size_t kMaxCheckpointBytes = std::size_t{4} << 30;
 
 /// The body as objects that point into `file`.  Throws InputError: not a checkpoint, other version, truncated, hash mismatch, no
 /// MessagePack.

@@ -20,12 +20,12 @@ class CheckpointKeeper {
   /// resumed_update: of the checkpoint that the run goes on from, 0 for a new run; a best.ckpt of a later update does not count.
   CheckpointKeeper(RunFolder folder, int keep, std::uint64_t resumed_update);
 
-  /// Call once `file`, a checkpoint of `what`, is whole on disk: nothing is removed before.  what.mean_reward: NaN where no episode has
-  /// finished.  Throws std::filesystem::filesystem_error.
-  void saved(const std::filesystem::path& file, const CheckpointMetadata& what, bool is_last);
+  /// Call once `file`, a checkpoint with this metadata, is whole on disk: nothing is removed before.  metadata.mean_reward: NaN where no
+  /// episode has finished.  Throws std::filesystem::filesystem_error.
+  void saved(const std::filesystem::path& file, const CheckpointMetadata& metadata, bool is_last);
 
  private:
-  [[nodiscard]] bool is_best(const CheckpointMetadata& what) const;
+  [[nodiscard]] bool is_best(const CheckpointMetadata& metadata) const;
   void name_best(const std::filesystem::path& file) const;
 
   RunFolder folder_;

@@ -11,13 +11,13 @@
 
 namespace earshot {
 
-CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path) {
-  const std::string bytes = read_regular_file(path, kMaxCheckpointBytes);
+CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path, std::size_t max_bytes) {
+  const std::string bytes = read_regular_file(path, max_bytes);
   const msgpack::object_handle body = unpack_checkpoint(bytes, path.string());
   return CheckpointFields(path.string()).metadata(body.get());
 }
 
-std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file) {
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file, std::size_t max_bytes) {
   if (std::filesystem::is_regular_file(folder_or_file)) return folder_or_file;
   std::filesystem::path newest;
   std::uint64_t newest_update = 0;
@@ -25,7 +25,7 @@ std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_fil
   // In the order of names, so that of equals the one named by its update is taken.
   for (const auto& file : RunFolder(folder_or_file).checkpoints()) {
     try {
-      const std::uint64_t update = load_checkpoint_metadata(file).update;
+      const std::uint64_t update = load_checkpoint_metadata(file, max_bytes).update;
       if (newest.empty() || update >= newest_update) {
         newest = file;
         newest_update = update;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -24,11 +25,14 @@ struct CheckpointMetadata {
   bool is_policy = false;                     ///< the file holds no state of a training, so no run can resume from it
 };
 
-/// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does.
-CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path);
+/// Largest file that is read as a checkpoint.
+inline constexpr std::size_t kMaxCheckpointBytes = std::size_t{4} << 30;
 
-/// The newest checkpoint under a run folder, or the file itself.  Damaged ones in a folder are skipped with a warning.  Throws InputError
-/// if none is complete.
-std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file);
+/// Reads the whole file and checks its hash; no tensor is made.  Throws InputError as load_checkpoint does, and for a larger file.
+CheckpointMetadata load_checkpoint_metadata(const std::filesystem::path& path, std::size_t max_bytes = kMaxCheckpointBytes);
+
+/// The newest checkpoint under a run folder, or the file itself.  Damaged and larger ones in a folder are skipped with a warning.  Throws
+/// InputError if none is complete.
+std::filesystem::path find_checkpoint(const std::filesystem::path& folder_or_file, std::size_t max_bytes = kMaxCheckpointBytes);
 
 }  // namespace earshot

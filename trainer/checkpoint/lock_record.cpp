@@ -77,9 +77,9 @@ std::string one_line(std::string text) {
 
 }  // namespace
 
-std::string LockRecord::holder() const { return fmt::format("process {} ({}) on host {}, since {}", process, what, host, since); }
+std::string LockRecord::holder() const { return fmt::format("process {} ({}) on host {}, since {}", process, command, host, since); }
 
-LockRecord own_lock_record(const std::string& what, const std::string& job, const std::string& run) {
+LockRecord own_lock_record(const std::string& command, const std::string& job, const std::string& run) {
   LockRecord record;
   record.host = one_line(this_host());
   record.machine = this_machine();
@@ -91,7 +91,7 @@ LockRecord own_lock_record(const std::string& what, const std::string& job, cons
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
   record.since = text.data();
-  record.what = one_line(what);
+  record.command = one_line(command);
   record.job = one_line(job);
   std::uint64_t number = 0;
   if (::getrandom(&number, sizeof(number), 0) != sizeof(number)) throw RunError("getrandom", "gives no bytes");
@@ -103,7 +103,7 @@ LockRecord own_lock_record(const std::string& what, const std::string& job, cons
 std::string encode_lock_record(const LockRecord& record) {
   return fmt::format("{}\nkind {}\nhost {}\nmachine {}\nprocess {}\nbegan {}\nsince {}\nwhat {}\njob {}\nrun {}\ntoken {}\n", kFirstLine,
                      record.is_lease ? "lease" : "kernel", record.host, record.machine, record.process, record.began_ticks, record.since,
-                     record.what, record.job, record.run, record.token);
+                     record.command, record.job, record.run, record.token);
 }
 
 std::optional<LockRecord> decode_lock_record(const std::string& text) {
@@ -122,7 +122,7 @@ std::optional<LockRecord> decode_lock_record(const std::string& text) {
                     .host = one_line(values["host"]),
                     .machine = values["machine"],
                     .since = one_line(values["since"]),
-                    .what = one_line(values["what"]),
+                    .command = one_line(values["what"]),
                     .job = values["job"],
                     .token = values["token"],
                     .run = values["run"]};

@@ -16,7 +16,7 @@ struct LockRecord {
   std::int64_t process = 0;       ///< number there
   std::uint64_t began_ticks = 0;  ///< when that process began: another one may get the number later
   std::string since;              ///< UTC, "2026-11-27T04:30:12Z"
-  std::string what;               ///< "earshot train"
+  std::string command;            ///< "earshot train"
   std::string job;                ///< of a launcher; empty: none
   std::string token;              ///< of this holder, 16 hexadecimal digits; never twice
   std::string run;                ///< token of the first holder that this run had
@@ -25,8 +25,8 @@ struct LockRecord {
   [[nodiscard]] std::string holder() const;
 };
 
-/// Of this process.  what, job, run: as above; no run: a new one.
-LockRecord own_lock_record(const std::string& what, const std::string& job, const std::string& run = {});
+/// Of this process.  command, job, run: as above; no run: a new one.
+LockRecord own_lock_record(const std::string& command, const std::string& job, const std::string& run = {});
 
 /// Lines "key value".
 std::string encode_lock_record(const LockRecord& record);

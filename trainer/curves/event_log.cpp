@@ -11,9 +11,9 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "sim/base/errors.h"
+#include "sim/base/file_descriptor.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/json_number.h"
@@ -25,8 +25,6 @@ namespace {
 using Json = nlohmann::ordered_json;  // curves keep the order in which they were written
 
 constexpr std::size_t kMaxLogBytes = std::size_t{1} << 30;
-
-std::string last_error() { return std::generic_category().message(errno); }
 
 std::string line_of(const CurvePoint& point) {
   Json values = Json::object();

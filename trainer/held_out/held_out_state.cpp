@@ -17,7 +17,9 @@ std::string text_of(const HeldOutEstimate& estimate) { return fmt::format("{} {}
 
 bool read_estimate(std::istream& text, HeldOutEstimate& estimate) {
   text >> estimate.mean >> estimate.low >> estimate.high;
-  return text && 0 <= estimate.low && estimate.low <= estimate.mean && estimate.mean <= estimate.high && estimate.high <= 1;
+  // Rounding may leave a bound of the interval a little inside of the mean.
+  const auto is_fraction = [](double value) { return value >= 0 && value <= 1; };
+  return text && is_fraction(estimate.mean) && is_fraction(estimate.low) && is_fraction(estimate.high);
 }
 
 bool is_duration(double seconds) { return seconds >= 0 && seconds < 1e12; }

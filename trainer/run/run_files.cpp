@@ -60,7 +60,8 @@ std::uint64_t RunFiles::write_point(const CurvePoint& point) {
   std::uint64_t failed = failures_of([&] { events_.write(point); });
   if (config_.metrics_file.empty()) return failed;
   (is_of_held_out(point) ? last_evaluation_ : last_update_) = point;
-  CurvePoint both = last_update_;  // the file holds all there is to know now
+  // The file holds all there is to know now; behind a resumed run's first evaluation there is no update yet.
+  CurvePoint both = last_update_.values.empty() ? CurvePoint{point.update, point.env_steps, point.wall_s, {}} : last_update_;
   both.values.insert(both.values.end(), last_evaluation_.values.begin(), last_evaluation_.values.end());
   failed += failures_of([&] { write_metrics_file(config_.metrics_file, both, config_.name); });
   return failed;

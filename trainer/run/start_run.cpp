@@ -29,10 +29,10 @@ constexpr const char* kEngine = "engine";
 const std::string kStarts = "starts as run ";
 
 /// Another number of workers begins its environments anew, and would do so in any set of that name.
-void check_same_episodes(const RunConfig& config, const RunStart& start, bool is_declared) {
+void check_same_episodes(const RunConfig& config, const RunStart& start) {
   const std::optional<std::uint64_t> before = episode_set_of(read_checkpoint(start.resume));
   const std::uint64_t now = load_episode_set(config.train.file).hash;
-  if (is_declared || !before || *before == now) return;
+  if (!before || *before == now) return;
   throw InputError(config.train.file,
                    fmt::format("has other episodes ({}) than the run in {} had ({})", hex64(now), start.resume.string(), hex64(*before)),
                    "restore the episode set, or allow another one with --change workers,data.train.file and another number of workers");
@@ -81,12 +81,12 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
   if (num_other_keys > 0) problem += fmt::format(" ({} more keys differ)", num_other_keys);
   if (!problem.empty())
     throw InputError(start.resume.string(), problem, "restore the old values, or allow the change with --change " + keys);
-  check_same_episodes(config, start, declared("data.train.file"));
   if (saved.engine != engine_hash() && !declared(kEngine))
     throw InputError(start.resume.string(),
                      fmt::format("was written by engine {} (commit {}), but this is engine {} (commit {})", saved.engine,
                                  saved.engine_commit, engine_hash(), engine_commit()),
                      "use the program that wrote it, or allow the change with --change engine");
+  if (!declared("data.train.file")) check_same_episodes(config, start);
 }
 
 }  // namespace

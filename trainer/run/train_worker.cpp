@@ -160,14 +160,14 @@ void TrainWorker::evaluate() {
   progress_.complete_evaluation();
   if (!scores) return;
   const HeldOutScore& chosen = config_.eval_actions == ActionChoice::argmax ? scores->argmax : scores->sample;
-  const HeldOutState before = report_.held_out(), own = after_evaluation(before, progress_.update(), *scores, chosen);
-  const HeldOutState agreed = decode_held_out(collective_.all_gather(encode_held_out(own)).front());
+  const HeldOutState before = report_.held_out(), local = after_evaluation(before, progress_.update(), *scores, chosen);
+  const HeldOutState agreed = decode_held_out(collective_.all_gather(encode_held_out(local)).front());
   report_.set_held_out(agreed);
   if (whole_) report_.describe_state(*whole_);
   try {
     if (agreed.best_update == progress_.update()) save(false);
   } catch (const MembershipChange&) {
-    report_.set_held_out(before);  // made again by those that are left: what is the best has to be on disk
+    report_.set_held_out(before);  // made again by those that are left: the best weights must be on disk
     throw;
   }
   report_.show_held_out(*scores);

@@ -93,6 +93,8 @@ TEST_F(Keeping, TheBestOfTheEvaluationsIsTheBest) {
     keeper.saved(run_.checkpoint_of(update), checkpoint, false);
   };
   CheckpointKeeper keeper(run_, 2, 0);
+  save_evaluated(keeper, 0, kNoEpisode, 0);
+  EXPECT_FALSE(names().contains("best.ckpt")) << "of a run that was ended before its first update";
   save_evaluated(keeper, 10, 9, 0);
   EXPECT_FALSE(names().contains("best.ckpt")) << "nothing has been evaluated yet";
   save_evaluated(keeper, 20, kNoEpisode, 20);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "evaluation/results/result.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 
@@ -22,6 +23,18 @@ HeldOutScore held_out_score(double success, double spl) {
 HeldOutScore drawn_score(const RandomStream& random, std::uint32_t draw) {
   const double success = random.below(6, 2 * draw) / 5.0;
   return held_out_score(success, success * random.below(5, 2 * draw + 1) / 4.0);
+}
+
+// A bound of the interval of no hits, or of all, may round to the other side of the mean.
+TEST(HeldOutState, IntervalsOfAnyCountAreReadBack) {
+  for (std::uint64_t n = 1; n <= 2000; ++n)
+    for (const std::uint64_t hits : {std::uint64_t{0}, n / 2, n}) {
+      const Estimate success = fraction_with_interval(hits, n);
+      HeldOutState state{.evaluations = 1, .last_update = 10, .best_update = 10};
+      state.set = "0123456789abcdef";
+      state.best.success = {success.mean, success.low, success.high};
+      EXPECT_EQ(decode_held_out(encode_held_out(state)).best.success.mean, success.mean) << hits << " of " << n;
+    }
 }
 
 TEST(HeldOutState, TheBestIsTheFirstOfTheHighestSuccessAndOfEqualsOfTheHighestSpl) {

@@ -55,7 +55,7 @@ class StartRun : public testing::Test {
     if (!is_policy_) {
       EnvState state;
       state.set_hash = load_episode_set(config(overrides).train.file).hash;
-      checkpoint.env_states = {encode(state)};
+      checkpoint.env_states = {has_unknown_states_ ? "of another engine" : encode(state)};
     }
     save_checkpoint(checkpoint, path(name));
     return path(name);
@@ -71,7 +71,7 @@ class StartRun : public testing::Test {
 
   PrivateTestFolder folder_;
   std::string engine_ = engine_hash();
-  bool is_policy_ = false;
+  bool is_policy_ = false, has_unknown_states_ = false;
 };
 
 TEST_F(StartRun, AFolderWithCheckpointsIsRefusedUnlessTold) {
@@ -146,6 +146,10 @@ TEST_F(StartRun, AnotherEngineIsRefusedUnlessDeclared) {
   EXPECT_THAT(refusal(config(), {.resume = checkpoint}),
               AllOf(HasSubstr("engine 0123456789abcdef (commit abc)"), HasSubstr(engine_hash())));
   EXPECT_EQ(refusal(config(), {.resume = checkpoint, .changes = {"engine"}}), "starts");
+  // Before its environments are looked at, which another engine may have written otherwise.
+  has_unknown_states_ = true;
+  const auto unknown = write_checkpoint("run/checkpoints/last.ckpt");
+  EXPECT_THAT(refusal(config(), {.resume = unknown}), HasSubstr("engine 0123456789abcdef"));
 }
 
 TEST_F(StartRun, NoRunGoesOnFromAPolicy) {
