@@ -114,23 +114,25 @@ Array<std::int32_t> receive(const BatchHandle& handle, int min_ready, bool as_se
 void bind_stepping(BatchClass& batch) {
   using namespace nb::literals;
   using Ints = Input<std::int32_t>;
-  batch.def("reset", [](const BatchHandle& self) { call(self, "Batch.reset", [](RunningBatch& of) { of.env->reset(); }); });
+  batch.def("reset", [](const BatchHandle& self) { call(self, "Batch.reset", [](RunningBatch& running) { running.env->reset(); }); });
   batch.def(
       "reset_masked",
       [](const BatchHandle& self, const Input<std::uint8_t>& mask, const Input<std::uint64_t>& seeds) {
-        call(self, "Batch.reset_masked", [mask = copy_of(mask), seeds = copy_of(seeds)](RunningBatch& of) { of.env->reset(mask, seeds); });
+        call(self, "Batch.reset_masked",
+             [mask = copy_of(mask), seeds = copy_of(seeds)](RunningBatch& running) { running.env->reset(mask, seeds); });
       },
       "mask"_a, "seeds"_a);
   batch.def(
       "step",
       [](const BatchHandle& self, const Ints& actions) {
-        call(self, "Batch.step", [actions = copy_of(actions)](RunningBatch& of) { of.env->step(actions); });
+        call(self, "Batch.step", [actions = copy_of(actions)](RunningBatch& running) { running.env->step(actions); });
       },
       "actions"_a);
   batch.def(
       "send",
       [](const BatchHandle& self, const Ints& envs, const Ints& actions) {
-        call(self, "Batch.send", [envs = copy_of(envs), actions = copy_of(actions)](RunningBatch& of) { of.env->send(envs, actions); });
+        call(self, "Batch.send",
+             [envs = copy_of(envs), actions = copy_of(actions)](RunningBatch& running) { running.env->send(envs, actions); });
       },
       "envs"_a, "actions"_a);
   batch.def("recv", &receive, "min_ready"_a, "as_sent"_a);
@@ -196,7 +198,7 @@ void bind_state(BatchClass& batch) {
   batch.def(
       "restore",
       [](const BatchHandle& self, int number, const nb::bytes& state) {
-        call(self, "Batch.restore", [=, text = text_of(state)](RunningBatch& of) { of.env->restore(number, text); });
+        call(self, "Batch.restore", [=, text = text_of(state)](RunningBatch& running) { running.env->restore(number, text); });
       },
       "env"_a, "state"_a);
   batch.def("save_state", [](const BatchHandle& self) {
@@ -205,7 +207,7 @@ void bind_state(BatchClass& batch) {
   batch.def(
       "restore_state",
       [](const BatchHandle& self, const nb::bytes& state) {
-        call(self, "Batch.restore_state", [text = text_of(state)](RunningBatch& of) { of.env->restore_state(text); });
+        call(self, "Batch.restore_state", [text = text_of(state)](RunningBatch& running) { running.env->restore_state(text); });
       },
       "state"_a);
 }

@@ -114,10 +114,10 @@ bool wait_until_none_runs(std::chrono::milliseconds patience) {
 
 /// Whether all other threads of the process sleep, so that none of them holds a lock for a moment.
 bool others_sleep() {
-  const auto own = std::to_string(syscall(SYS_gettid));
+  const auto own_thread = std::to_string(syscall(SYS_gettid));
   std::error_code gone;
   for (std::filesystem::directory_iterator thread("/proc/self/task", gone), end; !gone && thread != end; thread.increment(gone)) {
-    if (thread->path().filename() == own) continue;
+    if (thread->path().filename() == own_thread) continue;
     std::string line;
     std::ifstream stat(thread->path() / "stat");
     std::getline(stat, line);

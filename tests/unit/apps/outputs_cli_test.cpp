@@ -101,8 +101,8 @@ class OutputsCli : public Cli {
         line += fmt::format(" {} {}", option.name, file("good" + option.name));
     return line;
   }
-  void expect_refused(const std::string& line, const std::string& what) const {
-    expect_bad_input(line, what);
+  void expect_refused(const std::string& line, const std::string& problem) const {
+    expect_bad_input(line, problem);
     EXPECT_EQ(read("in"), "not what any command reads\n") << line;
     std::set<std::string> left;
     for (const auto& entry : std::filesystem::directory_iterator(folder_)) left.insert(entry.path().filename());
