@@ -211,6 +211,7 @@ struct ParsedSet {
 
 ParsedSet parse_text(std::string_view text, const std::string& where) {
   check_json_depth(text, where);
+  check_no_nul(text, where);
   check_json_size(text, where, kEpisodeLimits);
   ParsedSet set;
   std::string key;

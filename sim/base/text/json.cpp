@@ -11,6 +11,8 @@ namespace {
 template <class Json>
 Json parse(std::string_view text) {
   if (json_depth(text) > kMaxJsonDepth) throw Json::parse_error::create(101, 0, "nests lists and maps hundreds of levels deep", nullptr);
+  if (const std::size_t nul = nul_within_json(text); nul != text.npos)
+    throw Json::parse_error::create(101, nul + 1, "a NUL byte within the text", nullptr);
   return Json::parse(text);
 }
 
@@ -20,7 +22,7 @@ nlohmann::json parse_json(std::string_view text) { return parse<nlohmann::json>(
 nlohmann::ordered_json parse_ordered_json(std::string_view text) { return parse<nlohmann::ordered_json>(text); }
 
 nlohmann::json parse_json_or_discard(std::string_view text) {
-  if (json_depth(text) > kMaxJsonDepth) return nlohmann::json::value_t::discarded;
+  if (json_depth(text) > kMaxJsonDepth || nul_within_json(text) != text.npos) return nlohmann::json::value_t::discarded;
   return nlohmann::json::parse(text, nullptr, false);
 }
 

@@ -10,8 +10,8 @@ namespace earshot {
 // Reading and writing of JSON, compiled once: each source that calls nlohmann's own parse() or dump() compiles a parser or a
 // writer, three seconds and one and a half.
 
-/// Throws nlohmann::json::parse_error where the text is no JSON, or nests deeper than kMaxJsonDepth (json_depth.h): whatever walks the
-/// result calls itself once per level.
+/// Throws nlohmann::json::parse_error where the text is no JSON, has a NUL byte within (nul_within_json), or nests deeper than
+/// kMaxJsonDepth (json_depth.h): whatever walks the result calls itself once per level.
 [[nodiscard]] nlohmann::json parse_json(std::string_view text);
 [[nodiscard]] nlohmann::ordered_json parse_ordered_json(std::string_view text);
 /// Discarded (is_discarded()) there.

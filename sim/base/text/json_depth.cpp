@@ -2,6 +2,7 @@
 #include "sim/base/text/json_depth.h"
 
 #include <algorithm>
+#include <string>
 
 #include "sim/base/errors.h"
 
@@ -31,6 +32,17 @@ std::size_t json_depth(std::string_view text) {
 void check_json_depth(std::string_view text, const std::string& where) {
   if (json_depth(text) > kMaxJsonDepth)
     throw InputError(where, "has lists and maps nested hundreds of levels deep", "check that it is the right file");
+}
+
+std::size_t nul_within_json(std::string_view text) {
+  const std::size_t nul = text.find('\0');
+  return nul == text.npos || text.find_first_not_of('\0', nul) == text.npos ? text.npos : nul;
+}
+
+void check_no_nul(std::string_view text, const std::string& where) {
+  if (const std::size_t nul = nul_within_json(text); nul != text.npos)
+    throw InputError(where, "is not valid JSON: byte " + std::to_string(nul + 1) + " is NUL and text follows",
+                     "check that it is the right file");
 }
 
 }  // namespace earshot

@@ -229,6 +229,7 @@ TEST(EpisodeSet, WrongDocumentsAreRefused) {
   EXPECT_THAT(error_of("{\"episodes\":[null]}"), HasSubstr("not an object"));
   EXPECT_THAT(error_of("7"), HasSubstr("no list `episodes`"));
   EXPECT_THAT(error_of(kExample + "x"), HasSubstr("is not valid JSON"));
+  EXPECT_THAT(error_of(std::string(kExample) + std::string(1, '\0') + "x"), HasSubstr("is NUL and text follows"));
   EXPECT_THAT(error_of(std::string(200000, '[')), HasSubstr("levels deep"));  // json_depth.h, before it is parsed
 }
 

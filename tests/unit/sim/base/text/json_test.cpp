@@ -34,6 +34,21 @@ TEST(Json, NoJsonIsAnErrorOrDiscarded) {
   EXPECT_EQ(parse_json_or_discard("[1]"), json({1}));
 }
 
+/// To nlohmann's parser a text ends at its first NUL.
+TEST(Json, TextBehindANulIsAnErrorAndPaddingIsNot) {
+  const std::string whole = R"({"a":[1,"b"],"c":{"d":2.5}})";
+  for (std::size_t at = 0; at <= whole.size(); ++at) {
+    std::string text = whole;
+    text.insert(at, 1, '\0');
+    if (at == whole.size()) text += R"({"e": ")";
+    EXPECT_THROW(static_cast<void>(parse_json(text)), json::parse_error) << at;
+    EXPECT_THROW(static_cast<void>(parse_ordered_json(text)), json::parse_error) << at;
+    EXPECT_TRUE(parse_json_or_discard(text).is_discarded()) << at;
+  }
+  EXPECT_EQ(parse_json(whole + std::string(3, '\0')), parse_json(whole));
+  EXPECT_EQ(parse_json_or_discard(whole + std::string(3, '\0')), parse_json(whole));
+}
+
 TEST(Json, HundredsOfLevelsAreNoJson) {
   const auto nested = [](std::size_t levels) { return std::string(levels, '[') + std::string(levels, ']'); };
   EXPECT_EQ(json_text(parse_json(nested(256))), nested(256));
