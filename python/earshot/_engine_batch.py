@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,6 +36,8 @@ class Batch:
     ) -> None:
         self._recipe = (yaml, where, list(overrides), list(env_overrides), split, num_envs, first_env)
         self._engine = _engine.Batch(*self._recipe)
+        self._is_known_to_have_started = False
+        self._restores = 0
         self._sensors = {name for name, *_ in self._engine.sensors()}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -42,7 +45,7 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         Batch.__init__(self, *state["recipe"])
-        self._engine.restore_state(state["state"])
+        self.restore_state(state["state"])
 
     def __repr__(self) -> str:
         agents = f" of {self.num_agents} agents" if self.num_agents > 1 else ""
@@ -72,9 +75,40 @@ class Batch:
         """Every key of the env section with its value, as YAML."""
         return self._engine.config_text
 
+    @property
+    def has_started(self) -> bool:
+        """Whether episodes have begun, by a reset or a restored state.  Asks the engine until they have."""
+        if not self._is_known_to_have_started:
+            self._is_known_to_have_started = _has_started(self._engine.save_state())
+        return self._is_known_to_have_started
+
+    @property
+    def restores(self) -> int:
+        """How many states and snapshots have been restored."""
+        return self._restores
+
+    def begin(self, seeds: Sequence[int | None] = (), mask: NDArray[np.bool_] | None = None) -> None:
+        """Begins episodes in the envs of the mask, or in all.
+
+        seeds: one per env, or none.  An env with a seed begins the first episode of that seed's sequence.  One without begins its next
+        episode, at the first call of all the first one of the config's sequence.  mask: [num_envs]; before the first call all are True.
+        """
+        every = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask
+        seeded = every & np.array([value is not None for value in seeds] or np.zeros(self.num_envs), dtype=np.bool_)
+        others = every & ~seeded
+        values = np.array([0 if value is None else value for value in seeds], dtype=np.uint64)
+        if seeded.any() and others.any() and not self.has_started:
+            self._engine.reset()  # the engine begins all envs together, those with a seed too
+        elif others.any():
+            self._engine.reset_masked(others.astype(np.uint8), np.empty(0, dtype=np.uint64))
+        if seeded.any():
+            self._engine.reset_masked(seeded.astype(np.uint8), values)
+        self._is_known_to_have_started = True
+
     def reset(self) -> None:
         """Begins the first episode of every env."""
         self._engine.reset()
+        self._is_known_to_have_started = True
 
     def reset_masked(self, mask: ArrayLike, seeds: ArrayLike = ()) -> None:
         """Begins episodes in the envs whose flag is not 0.
@@ -92,10 +126,15 @@ class Batch:
                 raise InputError(f"Batch.reset_masked: seeds have shape {numbers.shape}; give [{self.num_envs}] or none")
             values = [check.seed(value, "Batch.reset_masked", "a seed") for value in numbers]
         self._engine.reset_masked((flags != 0).astype(np.uint8), np.array(values, dtype=np.uint64))
+        self._is_known_to_have_started = True
 
     def step(self, actions: ArrayLike) -> None:
         """actions: [num_rows], integers 0 to 3; those of agents that wait are not used."""
-        self._engine.step(check.actions(actions, self.num_rows, "Batch.step"))
+        self._step(check.actions(actions, self.num_rows, "Batch.step"))
+
+    def _step(self, actions: NDArray[np.int32]) -> None:
+        """actions: checked by the caller."""
+        self._engine.step(actions)
 
     def send(self, envs: ArrayLike, actions: ArrayLike) -> None:
         """Begins a step of some envs in the background; their rows must not be read until recv hands them back.
@@ -176,13 +215,18 @@ class Batch:
 
     def restore(self, env: int, state: bytes) -> None:
         self._engine.restore(self._env(env, "Batch.restore"), _state(state, "Batch.restore"))
+        self._restores += 1
 
     def save_state(self) -> bytes:
         """State of all running episodes."""
         return self._engine.save_state()
 
     def restore_state(self, state: bytes) -> None:
-        self._engine.restore_state(_state(state, "Batch.restore_state"))
+        text = _state(state, "Batch.restore_state")
+        self._is_known_to_have_started = False  # of a call that fails the engine says what holds
+        self._engine.restore_state(text)
+        self._is_known_to_have_started = _has_started(text)
+        self._restores += 1
 
     def _row(self, row: int, where: str) -> int:
         return check.integer(row, where, "row", 0, self.num_rows - 1)
@@ -192,6 +236,10 @@ class Batch:
 
     def _sensor(self, sensor: str, where: str) -> str:
         return check.one_of(sensor, where, "sensor", sorted(self._sensors))
+
+
+def _has_started(state: bytes) -> bool:
+    return bool(json.loads(state)["body"]["started"])
 
 
 def _state(state: bytes, where: str) -> bytes:

@@ -45,24 +45,25 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         batch = open_batch(config_text(config, "parallel_env"), 1, overrides, split, keys, first_env, "parallel_env")
         self._attach(batch, copy)
 
-    def _attach(self, batch: Batch, copy: bool, *, started: bool = False, agents: Sequence[str] = ()) -> None:
+    def _attach(self, batch: Batch, copy: bool, agents: Sequence[str] = ()) -> None:
         self._batch: Batch | None = batch
         self._sensors = SensorArrays(batch)
         self._copy = copy
-        self._started = started
         self._rewards = batch.rewards()
         self._terminated = batch.terminated()
         self._truncated = batch.truncated()
         self.render_mode = None
+        self._active = batch.active()
         self.possible_agents = [f"agent_{number}" for number in range(batch.num_agents)]
         self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
-        self.agents: list[str] = list(agents)
+        self._agents = list(agents)
+        self._seen_restores = batch.restores
         self._action_spaces = {agent: spaces.Discrete(NUM_ACTIONS) for agent in self.possible_agents}
         self._observation_spaces = {agent: spaces.Dict(dict(self._sensors.space.spaces)) for agent in self.possible_agents}
 
     def __getstate__(self) -> dict[str, Any]:
         """By the config and the state of the episode, as EarshotVectorEnv."""
-        return {"batch": self.batch, "copy": self._copy, "started": self._started, "agents": self.agents}
+        return {"batch": self.batch, "copy": self._copy, "agents": self.agents}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._attach(**state)
@@ -80,6 +81,14 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         self._row(agent, "observation_space")
         return self._observation_spaces[agent]
 
+    @property
+    def agents(self) -> list[str]:
+        """The agents that are in the episode.  After a state has been restored, those of it that have not stopped."""
+        if self._batch is not None and self._seen_restores != self._batch.restores:
+            self._agents = [agent for agent in self.possible_agents if self._active[self._rows[agent]]]
+            self._seen_restores = self._batch.restores
+        return self._agents
+
     def action_space(self, agent: str) -> spaces.Space[Any]:
         self._row(agent, "action_space")
         return self._action_spaces[agent]
@@ -96,13 +105,8 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         if seed is not None:
             seed = check.seed(seed, "reset")
         batch = self.batch
-        if not self._started:
-            batch.reset()
-        if seed is not None or self._started:
-            seeds = np.array([] if seed is None else [seed], dtype=np.uint64)
-            batch.reset_masked(np.ones(1, dtype=np.uint8), seeds)
-        self._started = True
-        self.agents = list(self.possible_agents)
+        batch.begin([seed])
+        self._agents, self._seen_restores = list(self.possible_agents), batch.restores
         return {agent: self._observation(agent, last=False) for agent in self.agents}, {agent: {} for agent in self.agents}
 
     def step(
@@ -112,16 +116,16 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         batch = self.batch
         if not isinstance(actions, Mapping):
             raise TypeError(f"step: actions is {check.shown(actions)}; give a dict with one action per agent")
-        if not self.agents:
+        acting = self.agents
+        if not acting:
             return {}, {}, {}, {}, {}
-        missing = [agent for agent in self.agents if agent not in actions]
+        missing = [agent for agent in acting if agent not in actions]
         if missing:
             raise InputError(f"step: actions are missing for {', '.join(missing)}; give one action per agent in `agents`")
         row_actions = np.zeros(len(self.possible_agents), dtype=np.int32)
         for agent, action in actions.items():
             row_actions[self._row(agent, "step")] = check.integer(action, "step", f"actions['{agent}']", 0, NUM_ACTIONS - 1)
-        batch.step(row_actions)
-        acting = self.agents
+        batch._step(row_actions)
         terminated = {agent: bool(self._terminated[self._rows[agent]]) for agent in acting}
         truncated = {agent: bool(self._truncated[self._rows[agent]]) for agent in acting}
         rewards = {agent: float(self._rewards[self._rows[agent]]) for agent in acting}
@@ -133,7 +137,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
             if agent in metrics:
                 infos[agent] = dict(metrics[agent])
                 infos[agent]["ended"] = {other: values for other, values in metrics.items() if other not in acting}
-        self.agents = [agent for agent in acting if agent not in ended]
+        self._agents = [agent for agent in acting if agent not in ended]
         return observations, rewards, terminated, truncated, infos
 
     def close(self) -> None:

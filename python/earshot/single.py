@@ -55,13 +55,12 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
             raise InputError(f"agents = {batch.num_agents}: an env has one agent; use earshot.parallel_env")
         self._attach(batch, copy, render_mode, hidden)
 
-    def _attach(self, batch: Batch, copy: bool, render_mode: str | None, hidden: Collection[str], *, started: bool = False) -> None:
+    def _attach(self, batch: Batch, copy: bool, render_mode: str | None, hidden: Collection[str]) -> None:
         self._batch = batch
         self._window = None
         self.render_mode = render_mode
         self._sensors = SensorArrays(batch, hidden)
         self._copy = copy
-        self._started = started
         self._rewards = batch.rewards()
         self._terminated = batch.terminated()
         self._truncated = batch.truncated()
@@ -77,7 +76,6 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
             "copy": self._copy,
             "render_mode": self.render_mode,
             "hidden": list(self._sensors.hidden_rows),
-            "started": self._started,
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -109,13 +107,7 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         if seed is not None:
             seed = check.seed(seed, "reset")
         super().reset(seed=seed)
-        batch = self.batch
-        if not self._started:
-            batch.reset()
-        if seed is not None or self._started:
-            seeds = np.array([] if seed is None else [seed], dtype=np.uint64)
-            batch.reset_masked(np.ones(1, dtype=np.uint8), seeds)
-        self._started = True
+        self.batch.begin([seed])
         self._show()
         return self._observation(), {}
 
@@ -124,7 +116,7 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         batch = self.batch
         if isinstance(action, np.ndarray) and action.ndim == 0:
             action = action[()]
-        batch.step(np.array([check.integer(action, "step", "action", 0, NUM_ACTIONS - 1)], dtype=np.int32))
+        batch._step(np.array([check.integer(action, "step", "action", 0, NUM_ACTIONS - 1)], dtype=np.int32))
         terminated, truncated = bool(self._terminated[0]), bool(self._truncated[0])
         info: dict[str, Any] = {}
         if terminated or truncated:
@@ -153,9 +145,8 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         return self._sensors.row(0, copy=self._copy)
 
     def _frame(self) -> NDArray[np.uint8]:
-        if not self._started:
+        if not self.batch.has_started:
             raise RuntimeError("render() needs a reset before it")
-        _ = self.batch  # raises if closed
         return _rendering.draw(self._sensors.all_of_row(0))
 
     def _show(self) -> None:

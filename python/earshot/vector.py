@@ -73,15 +73,12 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             raise InputError(f"agents = {batch.num_agents}: a vector environment has one agent per env; use earshot.parallel_env")
         self._attach(batch, copy, int(first_env), render_mode, hidden)
 
-    def _attach(
-        self, batch: Batch, copy: bool, first_env: int, render_mode: str | None, hidden: Collection[str], *, started: bool = False
-    ) -> None:
+    def _attach(self, batch: Batch, copy: bool, first_env: int, render_mode: str | None, hidden: Collection[str]) -> None:
         self._batch = batch
         self._window = None
         self.render_mode = render_mode
         self._sensors = SensorArrays(batch, hidden)
         self._copy = copy
-        self._started = started
         self._rewards = batch.rewards()
         self._terminated = batch.terminated().view(np.bool_)
         self._truncated = batch.truncated().view(np.bool_)
@@ -108,7 +105,6 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             "first_env": self.first_env,
             "render_mode": self.render_mode,
             "hidden": list(self._sensors.hidden_rows),
-            "started": self._started,
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -135,8 +131,8 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     @property
     def started(self) -> bool:
-        """Whether reset has been called."""
-        return self._started
+        """Whether episodes have begun, by a reset or a restored state."""
+        return self.batch.has_started
 
     @property
     def sensor_units(self) -> dict[str, str]:
@@ -161,25 +157,14 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         batch = self.batch
         mask = self._reset_mask(options)
         seeds = check.env_seeds(seed, self.num_envs, "reset")
-        if np.ndim(seed) == 0:  # type: ignore[arg-type]
+        if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seeds[0])  # the generator of the wrappers; the engine has its own
-        if not self._started:
-            batch.reset()
-            self._started = True
-            if all(value is None for value in seeds):
-                return self._begun()
-        seeded = np.array([value is not None for value in seeds], dtype=np.bool_)
-        no_seeds = np.empty(0, dtype=np.uint64)
-        if (mask & seeded).any():
-            values = np.array([value or 0 for value in seeds], dtype=np.uint64)
-            batch.reset_masked((mask & seeded).astype(np.uint8), values)
-        if (mask & ~seeded).any():
-            batch.reset_masked((mask & ~seeded).astype(np.uint8), no_seeds)
+        batch.begin(seeds, mask)
         return self._begun()
 
     def step(self, actions: NDArray[Any]) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], Info]:
         batch = self.batch
-        batch.step(check.actions(actions, self.num_envs, "step"))
+        batch._step(check.actions(actions, self.num_envs, "step"))
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
         self._show()
         return self._observations(), self._rewards.copy(), terminated, truncated, self._infos(terminated | truncated)
@@ -212,9 +197,8 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         """Views of the sensors of one env, with those that a render mode adds."""
         if self.render_mode is None:
             raise RuntimeError("render() needs a render_mode: earshot.make_vec(config, render_mode='rgb_array')")
-        if not self._started:
+        if not self.batch.has_started:
             raise RuntimeError("render() needs a reset before it")
-        _ = self.batch  # raises if closed
         return self._sensors.all_of_row(row)
 
     def close_extras(self, **_kwargs: Any) -> None:
@@ -281,7 +265,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
             raise TypeError("options['reset_mask'] must be a numpy array of bool")
         if mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},) and at least one True")
-        if not self._started:
+        if not self.batch.has_started:
             raise ValueError("options['reset_mask'] needs a reset of all envs first; call reset() without it")
         return mask
 

@@ -36,7 +36,6 @@ class PlainBatch:
             raise InputError(f"agents = {batch.num_agents}: this framework takes one agent per env")
         self._batch: Batch | None = batch
         self._first_env = int(first_env)
-        self._started = False
         self.sensors = SensorArrays(batch)
         self.num_envs = batch.num_envs
         self.action_space = spaces.Discrete(NUM_ACTIONS)
@@ -53,16 +52,12 @@ class PlainBatch:
     def reset(self, seed: int | None = None) -> None:
         """Begins episodes in all envs: env i the first one of the seed's sequence plus i, without a seed the next one."""
         seeds = [] if seed is None else check.env_seeds(seed, self.num_envs, "reset")
-        if not self._started:
-            self.batch.reset()
-        if seed is not None or self._started:
-            self.batch.reset_masked(np.ones(self.num_envs, dtype=np.uint8), np.array(seeds, dtype=np.uint64))
-        self._started = True
+        self.batch.begin(seeds)
 
     def step(self, actions: Any) -> list[dict[str, Any]]:
         """Metrics of the episodes that ended, by env; empty where none did."""
         batch = self.batch
-        batch.step(check.actions(np.reshape(actions, -1), self.num_envs, "step"))
+        batch._step(check.actions(np.reshape(actions, -1), self.num_envs, "step"))
         ends: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for env, _, metrics in batch.finished():
             ends[env - self._first_env] = dict(metrics)
