@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,9 @@ class Episode:
 
     def restore(self, state: bytes) -> None:
         self.batch.restore(self._env_row, state)
+
+
+ENV_OF_BATCH_NAMES = frozenset({"_envs", "_env_row"})  #: attributes of an EnvOfBatch that are not the user's
 
 
 class EnvOfBatch(Episode):
@@ -97,3 +101,13 @@ class EnvOfBatch(Episode):
         if not name.startswith("_") and hasattr(type(self), name):
             raise AttributeError(f"{name!r} of an env of the batch cannot be set: it follows from the config and the actions")
         super().__setattr__(name, value)
+
+
+def private_names(env: object) -> frozenset[str]:
+    """Attributes that an env has made for itself from the engine."""
+    return frozenset(name for name in [*vars(env), "_of_engine"] if name.startswith("_"))
+
+
+def attributes_beside(env: object, of_engine: Collection[str]) -> dict[str, Any]:
+    """The other ones, such as spec, the generators of gymnasium and of spaces, and what set_attr gave."""
+    return {name: value for name, value in vars(env).items() if name not in of_engine}

@@ -15,6 +15,7 @@ from . import _arguments as check
 from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
 from ._configs import Config, config_text
 from ._engine import InputError
+from ._episode import attributes_beside, private_names
 
 Observation = dict[str, NDArray[Any]]
 
@@ -54,19 +55,23 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         self._truncated = batch.truncated()
         self.render_mode = None
         self._active = batch.active()
+        self.render_mode = None
         self.possible_agents = [f"agent_{number}" for number in range(batch.num_agents)]
         self._rows = {agent: row for row, agent in enumerate(self.possible_agents)}
         self._agents = list(agents)
         self._seen_restores = batch.restores
         self._action_spaces = {agent: spaces.Discrete(NUM_ACTIONS) for agent in self.possible_agents}
         self._observation_spaces = {agent: spaces.Dict(dict(self._sensors.space.spaces)) for agent in self.possible_agents}
+        self._of_engine = private_names(self) - {"_action_spaces", "_observation_spaces"}  # whose generators may be seeded
 
     def __getstate__(self) -> dict[str, Any]:
-        """By the config and the state of the episode, as EarshotVectorEnv."""
-        return {"batch": self.batch, "copy": self._copy, "agents": self.agents}
+        """By the config and the state of the episode, as EarshotVectorEnv, with the attributes that others have set."""
+        made = {"batch": self.batch, "copy": self._copy, "agents": self.agents}
+        return {"made": made, "attributes": attributes_beside(self, self._of_engine)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._attach(**state)
+        self._attach(**state["made"])
+        self.__dict__.update(state["attributes"])
 
     def __repr__(self) -> str:
         return f"EarshotParallelEnv({'closed' if self._batch is None else f'{len(self.possible_agents)} agents'})"
@@ -77,10 +82,6 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
             raise RuntimeError("this environment is closed; create a new one")
         return self._batch
 
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        self._row(agent, "observation_space")
-        return self._observation_spaces[agent]
-
     @property
     def agents(self) -> list[str]:
         """The agents that are in the episode.  After a state has been restored, those of it that have not stopped."""
@@ -88,6 +89,10 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
             self._agents = [agent for agent in self.possible_agents if self._active[self._rows[agent]]]
             self._seen_restores = self._batch.restores
         return self._agents
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        self._row(agent, "observation_space")
+        return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         self._row(agent, "action_space")

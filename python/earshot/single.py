@@ -16,7 +16,7 @@ from . import _rendering
 from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch
 from ._configs import Config, config_text
 from ._engine import InputError
-from ._episode import Episode
+from ._episode import Episode, attributes_beside, private_names
 
 Observation = dict[str, NDArray[Any]]
 
@@ -68,18 +68,21 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         self.observation_space: spaces.Space[Any] = self._sensors.space
         self.action_space = spaces.Discrete(NUM_ACTIONS)
         self.metadata = {**type(self).metadata, "render_fps": _rendering.steps_per_second(batch.config_text)}
+        self._of_engine = private_names(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """By the config and the state of the episode, as EarshotVectorEnv."""
-        return {
+        """By the config and the state of the episode, as EarshotVectorEnv, with the attributes that others have set."""
+        made = {
             "batch": self.batch,
             "copy": self._copy,
             "render_mode": self.render_mode,
             "hidden": list(self._sensors.hidden_rows),
         }
+        return {"made": made, "attributes": attributes_beside(self, self._of_engine)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._attach(**state)
+        self._attach(**state["made"])
+        self.__dict__.update(state["attributes"])
 
     def __repr__(self) -> str:
         return f"EarshotEnv({'closed' if self._batch is None else ', '.join(self._sensors.names)})"

@@ -18,7 +18,7 @@ from . import _rendering
 from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnasium
 from ._configs import Config, config_text, key_value
 from ._engine import InputError
-from ._episode import EnvOfBatch
+from ._episode import ENV_OF_BATCH_NAMES, EnvOfBatch, attributes_beside, private_names
 
 Observation = dict[str, NDArray[Any]]
 Info = dict[str, Any]
@@ -96,19 +96,29 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         self.single_action_space = spaces.Discrete(NUM_ACTIONS)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._envs: list[EnvOfBatch] = []
+        self._of_engine = private_names(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """By the config and the state of the episodes: observations go on with the same bits in another process."""
-        return {
+        """By the config and the state of the episodes: observations go on with the same bits in another process.
+
+        With the attributes that others have set, on the batch and on its envs.
+        """
+        made = {
             "batch": self.batch,
             "copy": self._copy,
             "first_env": self.first_env,
             "render_mode": self.render_mode,
             "hidden": list(self._sensors.hidden_rows),
         }
+        of_envs = [attributes_beside(env, ENV_OF_BATCH_NAMES) for env in self._envs]
+        return {"made": made, "attributes": attributes_beside(self, self._of_engine), "of_envs": of_envs}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._attach(**state)
+        self._attach(**state["made"])
+        self.__dict__.update(state["attributes"])
+        if state["of_envs"]:
+            for env, attributes in zip(self.envs, state["of_envs"], strict=True):
+                env.__dict__.update(attributes)
 
     def __repr__(self) -> str:
         if self._batch is None:

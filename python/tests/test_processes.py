@@ -14,9 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import data_equivalence
 from numpy.typing import NDArray
+from test_registration import quick
 
 import earshot
 
@@ -154,6 +157,56 @@ def test_agents_go_on_where_they_were(small: Make) -> None:
         before, after = env.step({"agent_0": 2}), again.step({"agent_0": 2})
         assert before[1:4] == after[1:4]
         assert np.array_equal(before[0]["agent_0"]["depth"], after[0]["agent_0"]["depth"])
+
+
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+def test_what_others_have_set_travels(small: Make, way: str) -> None:
+    env: Any = earshot.make(small())
+    envs: Any = earshot.make_vec(small(), 2)
+    agents: Any = earshot.parallel_env(small(agents=2))
+    spec = gymnasium.envs.registration.EnvSpec("Some-v0", entry_point="earshot:make", kwargs={"split": "train"})
+    env.spec = envs.spec = spec
+    env.reset(seed=8)
+    envs.reset(seed=8)
+    agents.reset(seed=8)
+    spaces = [env.action_space, env.observation_space, envs.action_space, envs.single_action_space, agents.action_space("agent_1")]
+    for seed, space in enumerate(spaces):
+        space.seed(seed)
+        space.sample()
+    env.np_random.random(3)
+    envs.np_random.random(3)
+    env.mark = agents.mark = {"a": [1]}
+    env.metadata["render_fps"] = envs.metadata["render_fps"] = 99
+    envs.set_attr("mark", [4, 5])
+    again, again_envs, again_agents = (
+        pickle.loads(pickle.dumps(one)) if way == "pickle" else copy.deepcopy(one) for one in (env, envs, agents)
+    )
+    assert again.spec == again_envs.spec == spec
+    assert again.mark == again_agents.mark == {"a": [1]}
+    assert again.metadata == env.metadata
+    assert again_envs.metadata == envs.metadata
+    assert again_envs.get_attr("mark") == (4, 5)
+    assert again.np_random_seed == env.np_random_seed == 8
+    assert again.np_random.random(4).tolist() == env.np_random.random(4).tolist()
+    assert again_envs.np_random.random(4).tolist() == envs.np_random.random(4).tolist()
+    others = [again.action_space, again.observation_space, again_envs.action_space, again_envs.single_action_space]
+    others.append(again_agents.action_space("agent_1"))
+    for space, other in zip(spaces, others, strict=True):
+        assert all(data_equivalence(space.sample(), other.sample(), exact=True) for _ in range(3))
+    again.mark["a"].append(2)
+    assert env.mark == {"a": [1]}
+
+
+def test_a_registered_env_travels_with_its_wrappers() -> None:
+    name = "earshot/AudioGoal-v0"
+    env = gymnasium.make(name, overrides=quick(name))
+    env.reset(seed=8)
+    again = pickle.loads(pickle.dumps(env))
+    assert again.spec == env.spec
+    assert type(again.unwrapped) is type(env.unwrapped)
+    assert data_equivalence(again.step(1), env.step(1), exact=True)
+    twin = gymnasium.make(again.spec)
+    assert data_equivalence(twin.reset(seed=8)[0], env.reset(seed=8)[0], exact=True)
 
 
 def render_in_child(source: earshot.Source) -> NDArray[np.float32]:
