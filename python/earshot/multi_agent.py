@@ -25,7 +25,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
 
     The agents search for the same goals, hear and see each other, and get separate scores.  An agent that stops leaves ``agents`` but
     stays in the scene as an obstacle.  The episode ends with the last agent.  The infos of the last step hold the metrics of the agents
-    in it; the key "ended" holds those of agents that ended earlier.
+    in it; the key "ended" holds those of agents that ended earlier.  "quarantined" marks an episode that was faulty; do not train on it.
     """
 
     metadata: dict[str, Any] = {"name": "earshot_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
@@ -53,7 +53,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         self._rewards = batch.rewards()
         self._terminated = batch.terminated()
         self._truncated = batch.truncated()
-        self.render_mode = None
+        self._quarantined = batch.quarantined()
         self._active = batch.active()
         self.render_mode = None
         self.possible_agents = [f"agent_{number}" for number in range(batch.num_agents)]
@@ -142,6 +142,8 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
             if agent in metrics:
                 infos[agent] = dict(metrics[agent])
                 infos[agent]["ended"] = {other: values for other, values in metrics.items() if other not in acting}
+            if self._quarantined[self._rows[agent]]:
+                infos[agent]["quarantined"] = True
         self._agents = [agent for agent in acting if agent not in ended]
         return observations, rewards, terminated, truncated, infos
 

@@ -64,6 +64,40 @@ def test_the_plain_batch_steps_as_the_vector_env(small: Make) -> None:
         plain.step(ACTIONS[0])
 
 
+@vectors
+@pytest.mark.parametrize("kind", ["vector", "vector, off", "single", "agents", "plain"])
+def test_every_info_says_which_episodes_were_faulty(small: Make, kind: str) -> None:
+    faulty = small(stage_limit_s=1e-9)  # most stages take longer
+    env: Any = {
+        "vector": lambda: earshot.make_vec(faulty, 2, autoreset_mode="same_step"),
+        "vector, off": lambda: earshot.make_vec(faulty, 2, autoreset_mode="disabled"),
+        "single": lambda: earshot.make(faulty),
+        "agents": lambda: earshot.parallel_env({**faulty, "agents": 2}),
+        "plain": lambda: PlainBatch(faulty, 2),
+    }[kind]()
+    rng = np.random.default_rng(3)
+    seen = 0
+    for _ in range(300):
+        if not env.batch.has_started or kind not in ("vector", "plain"):
+            env.reset()
+        if kind == "plain":
+            infos = env.step(rng.integers(1, 4, 2))
+        elif kind == "agents":
+            infos = list(env.step({agent: int(rng.integers(1, 4)) for agent in env.agents})[4].values())
+        elif kind == "single":
+            infos = [env.step(int(rng.integers(1, 4)))[4]]
+        else:
+            masks = env.step(rng.integers(1, 4, 2))[4]
+            infos = [{"quarantined": True} if flag else {} for flag in masks.get("_quarantined", np.zeros(2, bool))]
+        flags = env.batch.quarantined().astype(bool).tolist()
+        assert [info.get("quarantined", False) for info in infos] == flags
+        assert not any("success" in info for info in infos if info.get("quarantined"))  # a faulty episode has no metrics
+        seen += sum(flags)
+        if seen >= 3:
+            break
+    assert seen >= 3
+
+
 @pytest.mark.parametrize(
     ("module", "package", "extra"),
     [
@@ -166,6 +200,37 @@ def test_torchrl_specs_and_steps(small: Make) -> None:
     assert ends >= 4
     rollout = env.rollout(30, break_when_any_done=False)
     assert rollout.shape == (3, 30)
+
+
+def test_torchrl_and_stable_baselines3_mark_faulty_episodes(small: Make) -> None:
+    torch = pytest.importorskip("torch", reason="no torch")
+    pytest.importorskip("torchrl", reason="no torchrl")
+    pytest.importorskip("stable_baselines3", reason="no stable-baselines3")
+    from torchrl.envs.utils import check_env_specs
+
+    from earshot.integrations.stable_baselines3 import EarshotVecEnv
+    from earshot.integrations.torchrl import EarshotTorchRLEnv
+
+    faulty = small(stage_limit_s=1e-9)
+    env, envs = EarshotTorchRLEnv(faulty, 2), EarshotVecEnv(faulty, 2)
+    check_env_specs(env)
+    data = env.reset()
+    envs.reset()
+    marked = [0, 0]
+    for _ in range(300):
+        if min(marked) >= 2:
+            break
+        data["action"] = torch.tensor([1, 2])
+        step, data = env.step_and_maybe_reset(data)
+        assert step["next", "quarantined"].dtype == torch.bool
+        assert not (step["next", "quarantined"] & ~step["next", "done"]).any()
+        marked[0] += int(step["next", "quarantined"].sum())
+        _, _, dones, infos = envs.step(np.array([1, 2]))
+        flags = envs.envs.batch.quarantined().astype(bool)
+        assert [info.get("quarantined", False) for info in infos] == flags.tolist()
+        marked[1] += int(flags.sum())
+        assert dones[flags].all()
+    assert min(marked) >= 2
 
 
 def test_supersuit_makes_batches_of_agents(small: Make) -> None:

@@ -42,6 +42,7 @@ class PlainBatch:
         self.rewards = batch.rewards()
         self.terminated = batch.terminated().view(np.bool_)
         self.truncated = batch.truncated().view(np.bool_)
+        self.quarantined = batch.quarantined().view(np.bool_)
 
     @property
     def batch(self) -> Batch:
@@ -55,12 +56,14 @@ class PlainBatch:
         self.batch.begin(seeds)
 
     def step(self, actions: Any) -> list[dict[str, Any]]:
-        """Metrics of the episodes that ended, by env; empty where none did."""
+        """Metrics of the episodes that ended, by env; empty where none did.  quarantined: True where an episode was faulty."""
         batch = self.batch
         batch._step(check.actions(np.reshape(actions, -1), self.num_envs, "step"))
         ends: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for env, _, metrics in batch.finished():
             ends[env - self._first_env] = dict(metrics)
+        for env in np.flatnonzero(self.quarantined).tolist():
+            ends[env]["quarantined"] = True
         return ends
 
     def rows(self) -> Observation:

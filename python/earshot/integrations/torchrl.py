@@ -31,7 +31,8 @@ class EarshotTorchRLEnv(EnvBase):
     """Arguments are those of earshot.make_vec.  TorchRL resets the envs that ended by their "_reset" mask.
 
     Keys: one per sensor, "action" (integers [num_envs]), "reward", "done", "terminated", "truncated" ([num_envs, 1]), and
-    ("metrics", NAME) with the metrics of an episode where "done" is set, 0 elsewhere.  Tensors are copies.
+    ("metrics", NAME) with the metrics of an episode where "done" is set, 0 elsewhere.  "quarantined" [num_envs, 1] is True where an
+    episode was faulty; do not train on it.  Tensors are copies.
     """
 
     def __init__(self, config: Config, num_envs: int = 1, *, device: Any = "cpu", **arguments: Any) -> None:
@@ -41,10 +42,10 @@ class EarshotTorchRLEnv(EnvBase):
         boxes: Any = self.envs.observation_space
         sensors = {name: self._spec_of(box) for name, box in boxes.spaces.items()}
         metrics = Composite({name: self._column(torch.float32) for name in METRICS}, shape=self.batch_size)
-        self.observation_spec = Composite({**sensors, "metrics": metrics}, shape=self.batch_size)
+        flag = Categorical(2, shape=(num_envs, 1), device=self.device, dtype=torch.bool)
+        self.observation_spec = Composite({**sensors, "metrics": metrics, "quarantined": flag.clone()}, shape=self.batch_size)
         self.action_spec = Categorical(4, shape=self.batch_size, device=self.device, dtype=torch.int64)
         self.reward_spec = self._column(torch.float32)
-        flag = Categorical(2, shape=(num_envs, 1), device=self.device, dtype=torch.bool)
         self.done_spec = Composite({name: flag.clone() for name in ("done", "terminated", "truncated")}, shape=self.batch_size)
 
     def _spec_of(self, box: Any) -> Any:
@@ -81,7 +82,8 @@ class EarshotTorchRLEnv(EnvBase):
     def _tensors(self, observations: Any, infos: dict[str, Any], terminated: Any, truncated: Any) -> TensorDictBase:
         zeros = np.zeros(self.envs.num_envs, dtype=np.float32)
         metrics = {name: torch.from_numpy(np.asarray(infos.get(name, zeros), dtype=np.float32)).unsqueeze(-1) for name in METRICS}
-        flags = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
+        quarantined = infos.get("quarantined", np.zeros(self.envs.num_envs, dtype=np.bool_))
+        flags = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated, "quarantined": quarantined}
         source = {
             **{name: torch.from_numpy(array) for name, array in observations.items()},
             **{name: torch.from_numpy(flag.copy()).unsqueeze(-1) for name, flag in flags.items()},
