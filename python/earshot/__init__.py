@@ -76,11 +76,14 @@ def make(
     split: str = "train",
     threads: int | None = None,
     copy: bool = True,
-    first_env: int = 0,
+    first_env: int | None = None,
 ) -> EarshotEnv:
     """Create one environment as a ``gymnasium.Env`` (needs gymnasium).
 
     The arguments are those of :func:`make_vec`, but observations are copies by default.
+
+    :param first_env: Without it, environments that begin without a seed draw different episodes: the first one of the program those of
+        the config.
     """
     from .single import EarshotEnv
 
@@ -144,12 +147,11 @@ def parallel_env(
     split: str = "train",
     threads: int | None = None,
     copy: bool = True,
-    first_env: int = 0,
+    first_env: int | None = None,
 ) -> EarshotParallelEnv:
     """Create an environment with several agents as a ``pettingzoo.ParallelEnv`` (needs pettingzoo).
 
-    The key ``agents`` of the config sets the number of agents.  The arguments are those of :func:`make_vec`, but observations are copies
-    by default.
+    The key ``agents`` of the config sets the number of agents.  The arguments are those of :func:`make`.
     """
     from .multi_agent import EarshotParallelEnv
 

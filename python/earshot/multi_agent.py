@@ -16,6 +16,7 @@ from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch, require_gymnas
 from ._configs import Config, config_text
 from ._engine import InputError
 from ._episode import attributes_beside, private_names
+from ._seeds import own_sequence
 
 Observation = dict[str, NDArray[Any]]
 
@@ -38,15 +39,18 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
         split: str = "train",
         threads: int | None = None,
         copy: bool = True,
-        first_env: int = 0,
+        first_env: int | None = None,
     ) -> None:
         require_gymnasium()
         keys = {"autoreset": "off", "threads": threads if threads is None else check.threads(threads, "parallel_env")}
         copy = check.flag(copy, "parallel_env", "copy")
-        batch = open_batch(config_text(config, "parallel_env"), 1, overrides, split, keys, first_env, "parallel_env")
-        self._attach(batch, copy)
+        batch = open_batch(
+            config_text(config, "parallel_env"), 1, overrides, split, keys, 0 if first_env is None else first_env, "parallel_env"
+        )
+        self._attach(batch, copy, first_env is None)
 
-    def _attach(self, batch: Batch, copy: bool, agents: Sequence[str] = ()) -> None:
+    def _attach(self, batch: Batch, copy: bool, has_own_sequence: bool, agents: Sequence[str] = ()) -> None:
+        self._has_own_sequence = has_own_sequence
         self._batch: Batch | None = batch
         self._sensors = SensorArrays(batch)
         self._copy = copy
@@ -66,7 +70,7 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
 
     def __getstate__(self) -> dict[str, Any]:
         """By the config and the state of the episode, as EarshotVectorEnv, with the attributes that others have set."""
-        made = {"batch": self.batch, "copy": self._copy, "agents": self.agents}
+        made = {"batch": self.batch, "copy": self._copy, "has_own_sequence": self._has_own_sequence, "agents": self.agents}
         return {"made": made, "attributes": attributes_beside(self, self._of_engine)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -104,12 +108,14 @@ class EarshotParallelEnv(ParallelEnv[str, Observation, int]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begin the first episode of the seed's sequence, or without a seed the next episode.  options: not used."""
+        """Begin the first episode of the seed's sequence, or without a seed the next episode, as EarshotEnv.  options: not used."""
         if options is not None and not isinstance(options, Mapping):
             raise TypeError(f"reset: options is {check.shown(options)}; give a dict")
         if seed is not None:
             seed = check.seed(seed, "reset")
         batch = self.batch
+        if seed is None and self._has_own_sequence and not batch.has_started:
+            seed = own_sequence(batch.config_text)
         batch.begin([seed])
         self._agents, self._seen_restores = list(self.possible_agents), batch.restores
         return {agent: self._observation(agent, last=False) for agent in self.agents}, {agent: {} for agent in self.agents}

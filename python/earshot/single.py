@@ -17,6 +17,7 @@ from ._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch
 from ._configs import Config, config_text
 from ._engine import InputError
 from ._episode import Episode, attributes_beside, private_names
+from ._seeds import own_sequence
 
 Observation = dict[str, NDArray[Any]]
 
@@ -40,7 +41,7 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         split: str = "train",
         threads: int | None = None,
         copy: bool = True,
-        first_env: int = 0,
+        first_env: int | None = None,
     ) -> None:
         self._batch: Batch | None = None
         self._window: _rendering.Window | None = None
@@ -50,13 +51,14 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         lines = check.texts(overrides, "make", "overrides")
         render_keys, hidden = _rendering.rendering_sensors(read[0], lines, render_mode)
         keys = {**render_keys, "autoreset": "off", "threads": threads if threads is None else check.threads(threads, "make")}
-        batch = open_batch(read, 1, lines, split, keys, first_env, "make")
+        batch = open_batch(read, 1, lines, split, keys, 0 if first_env is None else first_env, "make")
         if batch.num_agents != 1:
             raise InputError(f"agents = {batch.num_agents}: an env has one agent; use earshot.parallel_env")
-        self._attach(batch, copy, render_mode, hidden)
+        self._attach(batch, copy, render_mode, hidden, first_env is None)
 
-    def _attach(self, batch: Batch, copy: bool, render_mode: str | None, hidden: Collection[str]) -> None:
+    def _attach(self, batch: Batch, copy: bool, render_mode: str | None, hidden: Collection[str], has_own_sequence: bool) -> None:
         self._batch = batch
+        self._has_own_sequence = has_own_sequence
         self._window = None
         self.render_mode = render_mode
         self._sensors = SensorArrays(batch, hidden)
@@ -77,6 +79,7 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
             "copy": self._copy,
             "render_mode": self.render_mode,
             "hidden": list(self._sensors.hidden_rows),
+            "has_own_sequence": self._has_own_sequence,
         }
         return {"made": made, "attributes": attributes_beside(self, self._of_engine)}
 
@@ -104,13 +107,17 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         return list(self._sensors.privileged)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
-        """Begins an episode: the first one of the seed's sequence, or without a seed the next one.  options: not used."""
+        """Begins an episode: the first one of the seed's sequence, or without a seed the next one.  options: not used.
+
+        The first reset without a seed begins the config's sequence.  Later envs of the program that begin without a seed begin sequences
+        of their own, unless first_env names one.
+        """
         if options is not None and not isinstance(options, Mapping):
             raise TypeError(f"reset: options is {check.shown(options)}; give a dict")
         if seed is not None:
             seed = check.seed(seed, "reset")
         super().reset(seed=seed)
-        self.batch.begin([seed])
+        self.batch.begin([self._seed_of(seed)])
         self._show()
         return self._observation(), {}
 
@@ -143,6 +150,12 @@ class EarshotEnv(Episode, gymnasium.Env[Observation, np.int64]):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+    def _seed_of(self, seed: int | None) -> int | None:
+        """The engine's, of that of a reset."""
+        if seed is None and self._has_own_sequence and not self.batch.has_started:
+            return own_sequence(self.batch.config_text)
+        return seed
 
     def _observation(self) -> Observation:
         return self._sensors.row(0, copy=self._copy)

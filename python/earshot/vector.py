@@ -166,8 +166,8 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         """
         batch = self.batch
         mask = self._reset_mask(options)
-        seeds = check.env_seeds(seed, self.num_envs, "reset")
-        if seed is None or isinstance(seed, (int, np.integer)):
+        seeds = self._seeds_of(seed)
+        if not isinstance(seed, (Sequence, np.ndarray)):
             super().reset(seed=seeds[0])  # the generator of the wrappers; the engine has its own
         batch.begin(seeds, mask)
         return self._begun()
@@ -221,6 +221,10 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
 
     def __del__(self) -> None:
         self._batch = None
+
+    def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """The engine's, one per env, of that of a reset."""
+        return check.env_seeds(seed, self.num_envs, "reset")
 
     def _begun(self) -> tuple[Observation, Info]:
         self._show()

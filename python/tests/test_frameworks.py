@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import earshot
+from earshot._seeds import spread_seeds
 from earshot.integrations._plain import FlatRows, PlainBatch
 
 Make = Callable[..., dict[str, Any]]
@@ -28,7 +29,7 @@ ACTIONS = np.random.default_rng(7).choice(4, size=(25, 3), p=[0.1, 0.5, 0.2, 0.2
 def expected_steps(config: dict[str, Any], mode: str) -> tuple[Any, list[Any]]:
     """The first observations and the steps of ACTIONS, from the VectorEnv that the other tests check."""
     envs = earshot.make_vec(config, 3, autoreset_mode=mode, copy=True)
-    first, _ = envs.reset(seed=11)
+    first, _ = envs.reset(seed=spread_seeds(11, 3))
     return first, [envs.step(actions) for actions in ACTIONS]
 
 
@@ -68,13 +69,14 @@ def test_the_plain_batch_steps_as_the_vector_env(small: Make) -> None:
 @pytest.mark.parametrize("kind", ["vector", "vector, off", "single", "agents", "plain"])
 def test_every_info_says_which_episodes_were_faulty(small: Make, kind: str) -> None:
     faulty = small(stage_limit_s=1e-9)  # most stages take longer
-    env: Any = {
+    makers: dict[str, Callable[[], Any]] = {
         "vector": lambda: earshot.make_vec(faulty, 2, autoreset_mode="same_step"),
         "vector, off": lambda: earshot.make_vec(faulty, 2, autoreset_mode="disabled"),
         "single": lambda: earshot.make(faulty),
         "agents": lambda: earshot.parallel_env({**faulty, "agents": 2}),
         "plain": lambda: PlainBatch(faulty, 2),
-    }[kind]()
+    }
+    env = makers[kind]()
     rng = np.random.default_rng(3)
     seen = 0
     for _ in range(300):
@@ -179,7 +181,7 @@ def test_torchrl_specs_and_steps(small: Make) -> None:
     check_env_specs(EarshotTorchRLEnv(small(), 3))
     env, plain = EarshotTorchRLEnv(small(), 3), earshot.make_vec(small(), 3, autoreset_mode="disabled", copy=True)
     env.set_seed(11)
-    expected, _ = plain.reset(seed=11)
+    expected, _ = plain.reset(seed=spread_seeds(11, 3))
     data = env.reset()
     ends = 0
     for actions in ACTIONS:

@@ -14,6 +14,7 @@ from .. import _arguments as check
 from .._batch import NUM_ACTIONS, Batch, SensorArrays, open_batch
 from .._configs import Config, config_text
 from .._engine import InputError
+from .._seeds import spread_seeds
 from ._common import Observation
 
 
@@ -35,7 +36,7 @@ class PlainBatch:
         if batch.num_agents != 1:
             raise InputError(f"agents = {batch.num_agents}: this framework takes one agent per env")
         self._batch: Batch | None = batch
-        self._first_env = int(first_env)
+        self.first_env = int(first_env)
         self.sensors = SensorArrays(batch)
         self.num_envs = batch.num_envs
         self.action_space = spaces.Discrete(NUM_ACTIONS)
@@ -51,9 +52,8 @@ class PlainBatch:
         return self._batch
 
     def reset(self, seed: int | None = None) -> None:
-        """Begins episodes in all envs: env i the first one of the seed's sequence plus i, without a seed the next one."""
-        seeds = [] if seed is None else check.env_seeds(seed, self.num_envs, "reset")
-        self.batch.begin(seeds)
+        """Begins episodes in all envs: with a seed those of spread_seeds, without one the next ones."""
+        self.batch.begin([] if seed is None else spread_seeds(seed, self.num_envs, self.first_env))
 
     def step(self, actions: Any) -> list[dict[str, Any]]:
         """Metrics of the episodes that ended, by env; empty where none did.  quarantined: True where an episode was faulty."""
@@ -61,7 +61,7 @@ class PlainBatch:
         batch._step(check.actions(np.reshape(actions, -1), self.num_envs, "step"))
         ends: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for env, _, metrics in batch.finished():
-            ends[env - self._first_env] = dict(metrics)
+            ends[env - self.first_env] = dict(metrics)
         for env in np.flatnonzero(self.quarantined).tolist():
             ends[env]["quarantined"] = True
         return ends

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._configs import Config
+from .._seeds import spread_seeds
 from ..vector import EarshotVectorEnv
 from ._common import Observation, end_of, require
 
@@ -38,8 +39,14 @@ class EarshotVecEnv(VecEnv):
         self._actions: NDArray[Any] | None = None
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds of the next reset: n * 2**20 + i for env i, so that neighbouring n share no episodes.  None: drawn from NumPy's."""
+        first = super().seed(seed)[0]
+        self._seeds = list(spread_seeds(first, self.num_envs, self.envs.first_env, "seed"))
+        return self._seeds
+
     def reset(self) -> Observation:
-        """Begins episodes in all envs; after seed(n) those of the seeds n, n + 1, ..."""
+        """Begins episodes in all envs; after seed(n) those of spread_seeds."""
         seeds = self._seeds if any(seed is not None for seed in self._seeds) else None
         observations, _ = self.envs.reset(seed=seeds)
         self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

@@ -38,9 +38,11 @@ class FlatParallelEnv(BaseParallelWrapper[str, NDArray[np.float32], int]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy is a new env with episodes of its own: SuperSuit makes its batches of pickled copies."""
-        self._copies += 1
-        first_env = self._arguments.get("first_env", 0) + self._copies
-        return _rebuild, ({**self._arguments, "first_env": first_env},)
+        arguments = dict(self._arguments)
+        if arguments.get("first_env") is not None:
+            self._copies += 1
+            arguments["first_env"] += self._copies
+        return _rebuild, (arguments,)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         return self._boxes[agent]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .._configs import Config
+from .._seeds import own_sequence, seeds_from, spread_seeds
 from ..vector import EarshotVectorEnv
 from ._common import require
 
@@ -35,10 +36,12 @@ class EarshotTorchRLEnv(EnvBase):
     episode was faulty; do not train on it.  Tensors are copies.
     """
 
-    def __init__(self, config: Config, num_envs: int = 1, *, device: Any = "cpu", **arguments: Any) -> None:
+    def __init__(self, config: Config, num_envs: int = 1, *, device: Any = "cpu", first_env: int | None = None, **arguments: Any) -> None:
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
-        self.envs = EarshotVectorEnv(config, num_envs, autoreset_mode="disabled", copy=True, **arguments)
-        self._seed_of_reset: int | None = None
+        first = 0 if first_env is None else first_env
+        self.envs = EarshotVectorEnv(config, num_envs, autoreset_mode="disabled", copy=True, first_env=first, **arguments)
+        self._has_own_sequence = first_env is None
+        self._seeds_of_reset: list[int] | None = None
         boxes: Any = self.envs.observation_space
         sensors = {name: self._spec_of(box) for name, box in boxes.spaces.items()}
         metrics = Composite({name: self._column(torch.float32) for name in METRICS}, shape=self.batch_size)
@@ -63,8 +66,11 @@ class EarshotTorchRLEnv(EnvBase):
         options: dict[str, Any] | None = None
         if mask is not None and not mask.all() and self.envs.started:
             options = {"reset_mask": mask.reshape(-1).cpu().numpy()}
-        observations, _ = self.envs.reset(seed=self._seed_of_reset, options=options)
-        self._seed_of_reset = None
+        if self._seeds_of_reset is None and self._has_own_sequence and not self.envs.started:
+            first = own_sequence(self.envs.batch.config_text)
+            self._seeds_of_reset = None if first is None else seeds_from(first, self.envs.num_envs)
+        observations, _ = self.envs.reset(seed=self._seeds_of_reset, options=options)
+        self._seeds_of_reset = None
         no_ends = np.zeros(self.envs.num_envs, dtype=np.bool_)
         return self._tensors(observations, {}, no_ends, no_ends)
 
@@ -76,8 +82,8 @@ class EarshotTorchRLEnv(EnvBase):
         return data
 
     def _set_seed(self, seed: int | None) -> None:
-        """The next reset begins the episodes of seed, seed + 1, ..."""
-        self._seed_of_reset = seed
+        """The next reset begins the episodes of spread_seeds."""
+        self._seeds_of_reset = None if seed is None else spread_seeds(seed, self.envs.num_envs, self.envs.first_env, "set_seed")
 
     def _tensors(self, observations: Any, infos: dict[str, Any], terminated: Any, truncated: Any) -> TensorDictBase:
         zeros = np.zeros(self.envs.num_envs, dtype=np.float32)
