@@ -18,6 +18,7 @@ import pytest
 
 import earshot
 from earshot._seeds import spread_seeds
+from earshot.integrations._common import require
 from earshot.integrations._plain import FlatRows, PlainBatch
 
 Make = Callable[..., dict[str, Any]]
@@ -118,6 +119,16 @@ def test_a_missing_framework_is_named_with_its_extra(module: str, package: str, 
     monkeypatch.delitem(sys.modules, f"earshot.integrations.{module}", raising=False)
     with pytest.raises(ImportError, match=rf"earshot.integrations needs {package}: pip install 'earshot-rl\[{extra}\]'"):
         importlib.import_module(f"earshot.integrations.{module}")
+
+
+@pytest.mark.parametrize(("version", "is_refused"), [("2.0.6", True), ("3.0.0", False), ("10.1", False)])
+def test_a_framework_that_is_too_old_is_named_with_the_version(version: str, is_refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.metadata.version", lambda _: version)
+    if not is_refused:
+        assert require("json", "puffer", at_least=3).dumps
+        return
+    with pytest.raises(ImportError, match=r"^json 2\.0\.6 is too old: pip install 'json>=3\.0'$"):
+        require("json", "puffer", at_least=3)
 
 
 def test_stable_baselines3_gets_the_steps_of_the_batch(small: Make) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 import pytest
 from conftest import SMALL
 from hypothesis import given
@@ -175,6 +176,36 @@ def test_single_envs_of_gymnasiums_batches_differ(small: Make, vectorization: st
     states = envs.call("snapshot")  # type: ignore[attr-defined]
     assert [json.loads(state)["body"]["envs"][0]["seed"] for state in states] == [4, 5, 6]
     envs.close()
+
+
+def test_pufferlib_numbers_and_seeds(small: Make) -> None:
+    pytest.importorskip("pufferlib", reason="no pufferlib")
+    import pufferlib
+    import pufferlib.vector
+
+    from earshot.integrations.pufferlib import EarshotPufferEnv
+
+    keys: dict[str, Any] = {"config": small(), "num_envs": 2}
+    serial = pufferlib.vector.make(EarshotPufferEnv, env_kwargs=keys, backend=pufferlib.vector.Serial, num_envs=3, seed=7)
+    for seed in (None, 11):
+        serial.async_reset(seed)
+        found = [pair for env in serial.envs for pair in sequences(env.plain)]
+        assert all_differ(found)
+        first = found
+        serial.async_reset(None)
+        assert [pair for env in serial.envs for pair in sequences(env.plain)] == first  # goes on
+    # As workers of several envs are seeded: those of neighbours get the same seeds, and numbers of their own.
+    found = []
+    for worker in range(2):
+        for number in range(2):
+            env = EarshotPufferEnv(**keys, seed=2 * worker + number)
+            env.reset(seed=5 + worker + number)
+            found += sequences(env.plain)
+    assert all_differ(found)
+    with pytest.raises(earshot.InputError, match=r"^EarshotPufferEnv: seed is -1"):
+        EarshotPufferEnv(**keys, seed=-1)
+    with pytest.raises(TypeError, match=r"^step: actions are of type float64"):
+        env.step(np.array([1.5, 2.0]))
 
 
 def test_adapters_spread_their_seeds(small: Make) -> None:

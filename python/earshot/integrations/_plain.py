@@ -37,6 +37,7 @@ class PlainBatch:
             raise InputError(f"agents = {batch.num_agents}: this framework takes one agent per env")
         self._batch: Batch | None = batch
         self.first_env = int(first_env)
+        self.first_seed = self.first_env  #: is added to the seeds
         self.sensors = SensorArrays(batch)
         self.num_envs = batch.num_envs
         self.action_space = spaces.Discrete(NUM_ACTIONS)
@@ -53,7 +54,7 @@ class PlainBatch:
 
     def reset(self, seed: int | None = None) -> None:
         """Begins episodes in all envs: with a seed those of spread_seeds, without one the next ones."""
-        self.batch.begin([] if seed is None else spread_seeds(seed, self.num_envs, self.first_env))
+        self.batch.begin([] if seed is None else spread_seeds(seed, self.num_envs, self.first_seed))
 
     def step(self, actions: Any) -> list[dict[str, Any]]:
         """Metrics of the episodes that ended, by env; empty where none did.  quarantined: True where an episode was faulty."""

@@ -17,34 +17,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _arguments as check
 from .._configs import Config
 from ._common import require
 from ._plain import FlatRows, PlainBatch
 
-pufferlib = require("pufferlib", "puffer")
+pufferlib = require("pufferlib", "puffer", at_least=3)
 
 
 class EarshotPufferEnv(pufferlib.PufferEnv):  # type: ignore[name-defined]
-    """Arguments are those of earshot.make_vec; episodes begin again in the same step.  Infos: the metrics of the episodes that ended."""
+    """Arguments are those of earshot.make_vec; episodes begin again in the same step.  Infos: the metrics of the episodes that ended.
 
-    def __init__(self, config: Config, num_envs: int = 1, buf: Any = None, seed: int = 0, **arguments: Any) -> None:
+    buf, seed: PufferLib's, which numbers its envs by the seed.  Envs of different numbers share no episodes whatever the seeds of their
+    resets; the first reset without a seed takes the number, later ones go on.
+    """
+
+    def __init__(self, config: Config, num_envs: int = 1, buf: Any = None, seed: int | None = 0, **arguments: Any) -> None:
+        self._number = 0 if seed is None else check.seed(seed, "EarshotPufferEnv")
         self.plain = PlainBatch(config, num_envs, **arguments)
+        num_envs = self.plain.num_envs
+        self.plain.first_seed = self.plain.first_env + self._number * num_envs
         self.flat = FlatRows(self.plain.sensors)
         self.slices = self.flat.slices
         self.single_observation_space = self.flat.space
         self.single_action_space = self.plain.action_space
         self.num_agents = num_envs
-        self._seed = seed
         super().__init__(buf)
 
     def reset(self, seed: int | None = None) -> tuple[NDArray[np.float32], list[dict[str, Any]]]:
-        self.plain.reset(self._seed if seed is None else seed)
+        if seed is None and not self.plain.batch.has_started:
+            seed = self._number
+        self.plain.reset(seed)
         self.flat.write(self.observations)
         return self.observations, []
 
     def step(self, actions: Any) -> tuple[Any, ...]:
-        self.actions[:] = actions
-        ends = self.plain.step(self.actions)
+        ends = self.plain.step(actions)
         self.flat.write(self.observations)
         self.rewards[:] = self.plain.rewards
         self.terminals[:] = self.plain.terminated
