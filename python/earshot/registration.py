@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.abc
 import importlib.machinery
 import sys
+import warnings
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
@@ -42,6 +43,15 @@ def register_envs() -> None:
             )
 
 
+def _register_or_warn() -> None:
+    """An import of gymnasium or earshot goes on without the ids."""
+    try:
+        register_envs()
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        warnings.warn(f"earshot: the ids of gymnasium.make are not registered ({reason}); earshot.make works", stacklevel=2)
+
+
 class _AfterGymnasium(importlib.abc.MetaPathFinder):
     """Registers once gymnasium has been imported; the other finders find it."""
 
@@ -60,7 +70,7 @@ class _AfterGymnasium(importlib.abc.MetaPathFinder):
             execute(module)
             if self in sys.meta_path:
                 sys.meta_path.remove(self)
-            register_envs()
+            _register_or_warn()
 
         spec.loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec
@@ -69,6 +79,6 @@ class _AfterGymnasium(importlib.abc.MetaPathFinder):
 def register_when_imported() -> None:
     """Now if gymnasium is there, else when it is imported, so that `import earshot` does without it."""
     if "gymnasium" in sys.modules:
-        register_envs()
+        _register_or_warn()
     elif not any(isinstance(finder, _AfterGymnasium) for finder in sys.meta_path):
         sys.meta_path.insert(0, _AfterGymnasium())

@@ -51,6 +51,23 @@ def test_a_look_for_gymnasium_does_not_take_the_registration_away() -> None:
     assert done.stdout.strip() == "True"
 
 
+BROKEN = {
+    "earshot first": "import earshot, earshot.registration as r; r.ENVIRONMENTS['no id!'] = {}; import gymnasium",
+    "gymnasium first": "import gymnasium.envs.registration as g, gymnasium; g.register = lambda *a, **k: 1 / 0; import earshot",
+    "no such module": "import sys, gymnasium; sys.modules['gymnasium.envs.registration'] = None; import earshot",
+}
+
+
+@pytest.mark.parametrize("order", BROKEN)
+def test_a_registration_that_fails_warns_and_both_imports_go_on(order: str) -> None:
+    code = BROKEN[order] + "; print(gymnasium.__name__, callable(earshot.make), earshot.env_ids()[0])"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout.split() == ["gymnasium", "True", "earshot/AudioGoal-v0"]
+    warned = [line for line in done.stderr.splitlines() if "Warning" in line]
+    assert len(warned) == 1, done.stderr
+    assert re.search(r"UserWarning: earshot: the ids of gymnasium\.make are not registered \(\w+: .*\); earshot\.make works$", warned[0])
+
+
 def test_a_second_registration_is_silent(recwarn: pytest.WarningsRecorder) -> None:
     earshot.register_envs()
     assert [str(one.message) for one in recwarn] == []
