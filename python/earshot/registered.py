@@ -31,9 +31,11 @@ def make_registered_vec(
     copy: bool = True,
     **arguments: Any,
 ) -> EarshotVectorEnv:
-    """The batch of an id.  Observations are copies, as those of gymnasium's own batches are; copy=False gives views."""
+    """The batch of an id.  Observations are copies, as those of gymnasium's own batches are; copy=False gives views.
+
+    max_episode_steps: replaces task.max_steps of the config.
+    """
     from .vector import EarshotVectorEnv
 
-    limit = [] if max_episode_steps is None else [f"env.task.max_steps={max_episode_steps}"]
-    lines = [*rules, *limit, *check.texts(overrides, "make_vec", "overrides")]
-    return EarshotVectorEnv(config, num_envs, overrides=lines, copy=copy, **arguments)
+    lines = [*rules, *check.texts(overrides, "make_vec", "overrides")]
+    return EarshotVectorEnv(config, num_envs, overrides=lines, copy=copy, max_episode_steps=max_episode_steps, **arguments)

@@ -23,6 +23,7 @@ from ._episode import ENV_OF_BATCH_NAMES, EnvOfBatch, attributes_beside, private
 Observation = dict[str, NDArray[Any]]
 Info = dict[str, Any]
 
+MOST_STEPS = 1_000_000  #: of an episode
 _ENGINE_MODES = {"same_step": "same_step", "next_step": "next_step", "disabled": "off"}
 _MODES = {
     "same_step": AutoresetMode.SAME_STEP,
@@ -55,6 +56,7 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         threads: int | None = None,
         copy: bool = False,
         first_env: int = 0,
+        max_episode_steps: int | None = None,
     ) -> None:
         require_gymnasium()
         self._batch: Batch | None = None
@@ -67,7 +69,14 @@ class EarshotVectorEnv(VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
         if mode is None and key_value(read[0], lines, "autoreset") is None:
             mode = "next_step"  # what Gymnasium's own vector environments do
         render_keys, hidden = _rendering.rendering_sensors(read[0], lines, render_mode)
-        keys = {**render_keys, "autoreset": mode, "threads": threads if threads is None else check.threads(threads, "make_vec")}
+        if max_episode_steps is not None:
+            max_episode_steps = check.integer(max_episode_steps, "make_vec", "max_episode_steps", 1, MOST_STEPS)
+        keys = {
+            **render_keys,
+            "task.max_steps": max_episode_steps,
+            "autoreset": mode,
+            "threads": threads if threads is None else check.threads(threads, "make_vec"),
+        }
         batch = open_batch(read, num_envs, lines, split, keys, first_env)
         if batch.num_agents != 1:
             raise InputError(f"agents = {batch.num_agents}: a vector environment has one agent per env; use earshot.parallel_env")

@@ -17,6 +17,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import earshot
+from earshot.registered import make_registered_vec
 from earshot.registration import ENVIRONMENTS
 
 Make = Callable[..., dict[str, Any]]
@@ -35,6 +36,11 @@ QUICK = [
 
 def quick(name: str) -> list[str]:
     return [text.format(split=ENVIRONMENTS[name].get("split", "train")) for text in QUICK]
+
+
+def near(name: str) -> list[str]:
+    """Goals within few steps."""
+    return [*quick(name), *(f"data.train.filter.{key}" for key in ("min_geodesic_m=0.5", "max_geodesic_m=3", "min_ratio=1"))]
 
 
 @pytest.mark.parametrize("order", ["earshot, gymnasium", "gymnasium, earshot"])
@@ -130,6 +136,35 @@ def test_gymnasium_makes_batches_of_single_envs(vectorization: str) -> None:
         assert np.allclose(rewards, expected_rewards)
     assert envs.get_attr("scene_name") == own.get_attr("scene_name")  # type: ignore[attr-defined]
     envs.close()
+
+
+@pytest.mark.parametrize("vectorization", ["vector_entry_point", "sync"])
+def test_max_episode_steps_truncates(small: Make, vectorization: str) -> None:
+    """With a config that is an env section and with one that holds it; a limit of the task's steps, or gymnasium's TimeLimit."""
+    name, limit = "earshot/GridAudioGoal-v0", 7
+    envs = gymnasium.make_vec(name, 2, vectorization_mode=vectorization, max_episode_steps=limit, overrides=near(name))
+    config = small()
+    config["episodes"]["filter"] = {"min_geodesic_m": 0.5, "max_geodesic_m": 3, "min_ratio": 1.0}
+    run = {"env": {key: value for key, value in config.items() if key != "episodes"}, "data": {"train": config["episodes"]}}
+    makers: list[Any] = [envs]
+    if vectorization == "vector_entry_point":
+        makers += [make_registered_vec(one, 2, max_episode_steps=limit) for one in (config, run)]
+    for one in makers:
+        one.reset(seed=1)
+        ends = [one.step(np.array([2, 3]))[2:4] for _ in range(limit)]
+        assert not any(terminated.any() for terminated, _ in ends)
+        assert [truncated.tolist() for _, truncated in ends] == [[False, False]] * (limit - 1) + [[True, True]]
+    env = gymnasium.make(name, max_episode_steps=limit, overrides=near(name))
+    env.reset(seed=1)
+    assert [env.step(2)[3] for _ in range(limit)] == [False] * (limit - 1) + [True]
+
+
+@pytest.mark.parametrize(
+    ("limit", "error"), [(0, ValueError), (-1, ValueError), (10**7, ValueError), ("x", TypeError), (True, TypeError), (2.5, TypeError)]
+)
+def test_a_wrong_max_episode_steps_is_refused(small: Make, limit: Any, error: type[Exception]) -> None:
+    with pytest.raises(error, match=r"^make_vec: max_episode_steps is "):
+        make_registered_vec(small(), 2, max_episode_steps=limit)
 
 
 def test_specs_travel() -> None:
