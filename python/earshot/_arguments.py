@@ -8,6 +8,7 @@ import numbers
 import operator
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,60 +135,66 @@ def _setting(value: object, where: str, key: str) -> str:
     raise TypeError(f"{where}: settings['{key}'] is {shown(value)}; give a number, a text or a bool")
 
 
+def array(value: object, where: str, name: str, wanted: str) -> NDArray[Any]:
+    """What numpy makes of a value, of any type and shape; its errors in words of the caller.  wanted: what to give in its place."""
+    try:
+        return np.asarray(value)
+    except Exception as error:
+        ragged = isinstance(error, ValueError) and "inhomogeneous" in str(error)
+        reason = "has rows of different lengths" if ragged else f"is {shown(value)}, which is no array"
+        raise InputError(f"{where}: {name} {reason}; give {wanted}") from None
+
+
 def floats(value: object, where: str, name: str) -> NDArray[np.float64]:
     """Finite numbers of any shape, contiguous."""
-    try:
-        array = np.asarray(value)
-    except (ValueError, TypeError, OverflowError):
-        raise InputError(f"{where}: {name} has rows of different lengths; give numbers") from None
-    if array.size and array.dtype.kind not in "iuf":
-        what = shown(value) if array.ndim == 0 else f"an array of {array.dtype}"
+    given = array(value, where, name, "numbers")
+    if given.size and given.dtype.kind not in "iuf":
+        what = shown(value) if given.ndim == 0 else f"an array of {given.dtype}"
         raise TypeError(f"{where}: {name} is {what}; give numbers")
-    array = np.array(array, dtype=np.float64, order="C")
-    if not np.isfinite(array).all():
-        raise InputError(f"{where}: {name} has the value {array[~np.isfinite(array)].flat[0]}; give finite numbers")
-    return array
+    found = np.array(given, dtype=np.float64, order="C")
+    if not np.isfinite(found).all():
+        raise InputError(f"{where}: {name} has the value {found[~np.isfinite(found)].flat[0]}; give finite numbers")
+    return found
 
 
 def positions(value: object, where: str, name: str) -> tuple[NDArray[np.float64], bool]:
     """As [n, 3], and whether it was a single one."""
-    array = floats(value, where, name)
-    single = array.shape == (3,)
-    if not single and (array.ndim != 2 or array.shape[1] != 3):
-        raise InputError(f"{where}: {name} has shape {array.shape}; give one position [3] or several [n, 3]")
-    if array.size and np.abs(array).max() > FARTHEST_M:
-        raise InputError(f"{where}: {name} has the coordinate {array.flat[np.abs(array).argmax()]:g}; give metres, at most {FARTHEST_M:g}")
-    return array.reshape(-1, 3), single
+    found = floats(value, where, name)
+    single = found.shape == (3,)
+    if not single and (found.ndim != 2 or found.shape[1] != 3):
+        raise InputError(f"{where}: {name} has shape {found.shape}; give one position [3] or several [n, 3]")
+    if found.size and np.abs(found).max() > FARTHEST_M:
+        raise InputError(f"{where}: {name} has the coordinate {found.flat[np.abs(found).argmax()]:g}; give metres, at most {FARTHEST_M:g}")
+    return found.reshape(-1, 3), single
 
 
 def position(value: object, where: str, name: str) -> NDArray[np.float64]:
-    array, single = positions(value, where, name)
+    found, single = positions(value, where, name)
     if not single:
-        raise InputError(f"{where}: {name} has shape {array.shape}; give one position [3]")
-    return array
+        raise InputError(f"{where}: {name} has shape {found.shape}; give one position [3]")
+    return found
 
 
-def actions(value: object, count: int, where: str) -> NDArray[np.int32]:
-    """[count]: checked before the cast, which would wrap."""
-    try:
-        array = np.asarray(value)
-    except (ValueError, TypeError, OverflowError):
-        raise InputError(f"{where}: actions have rows of different lengths; give [{count}] integers") from None
-    if array.shape != (count,):
-        raise InputError(f"{where}: actions have shape {array.shape}; give [{count}] integers")
-    if count and array.dtype.kind not in "iu":
-        raise TypeError(f"{where}: actions are of type {array.dtype}; give integers from 0 to {NUM_ACTIONS - 1}")
-    if count and not (array.min() >= 0 and array.max() < NUM_ACTIONS):
-        wrong = array[(array < 0) | (array >= NUM_ACTIONS)][0]
+def actions(value: object, count: int, where: str, *, column: bool = False) -> NDArray[np.int32]:
+    """[count]: checked before the cast, which would wrap.  column: may be [count, 1]."""
+    found = array(value, where, "actions", f"[{count}] integers")
+    if column and found.shape == (count, 1):
+        found = found[:, 0]
+    if found.shape != (count,):
+        raise InputError(f"{where}: actions have shape {found.shape}; give [{count}] integers")
+    if count and found.dtype.kind not in "iu":
+        raise TypeError(f"{where}: actions are of type {found.dtype}; give integers from 0 to {NUM_ACTIONS - 1}")
+    if count and not (found.min() >= 0 and found.max() < NUM_ACTIONS):
+        wrong = found[(found < 0) | (found >= NUM_ACTIONS)][0]
         raise InputError(f"{where}: actions have the value {wrong}; give integers from 0 to {NUM_ACTIONS - 1}")
-    return array.astype(np.int32)
+    return found.astype(np.int32)
 
 
 def env_seeds(value: object, num_envs: int, where: str) -> list[int | None]:
     """One per env: of an integer, that plus the number of the env."""
     if value is None:
         return [None] * num_envs
-    if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes)) and np.ndim(value) > 0:
+    if (isinstance(value, Sequence) and not isinstance(value, (str, bytes))) or (isinstance(value, np.ndarray) and value.ndim > 0):
         if len(value) != num_envs:
             raise InputError(f"{where}: seed has {len(value)} entries for {num_envs} envs")
         return [None if one is None else seed(one, where, f"seed[{index}]") for index, one in enumerate(value)]

@@ -115,10 +115,10 @@ class Batch:
 
         mask: [num_envs].  seeds: [num_envs] or none; an env with a seed begins the first episode of that seed's sequence.
         """
-        flags = np.asarray(mask)
+        flags = check.array(mask, "Batch.reset_masked", "mask", f"[{self.num_envs}] bools")
         if flags.shape != (self.num_envs,) or flags.dtype.kind not in "biu":
             raise InputError(f"Batch.reset_masked: mask has shape {flags.shape} of {flags.dtype}; give [{self.num_envs}] bools")
-        numbers = np.asarray(seeds)
+        numbers = check.array(seeds, "Batch.reset_masked", "seeds", f"[{self.num_envs}] integers or none")
         if numbers.size == 0:
             values: list[int] = []
         else:
@@ -141,7 +141,7 @@ class Batch:
 
         envs: [n], each at most once.  actions: [n * num_agents].
         """
-        numbers = np.asarray(envs)
+        numbers = check.array(envs, "Batch.send", "envs", "[n] integers")
         if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
             raise TypeError(f"Batch.send: envs have shape {numbers.shape} of {numbers.dtype}; give [n] integers")
         if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.num_envs):

@@ -12,6 +12,7 @@ import datetime
 import math
 import os
 import pickle
+import re
 import sys
 import tempfile
 import warnings
@@ -27,10 +28,18 @@ from hypothesis import seed as seeded
 from hypothesis import strategies as st
 
 import earshot
+from earshot.integrations._plain import PlainBatch
+from earshot.registered import make_registered_vec
 
 ROOM = "shoebox:6x3x5"
 FAST = {"rir_length_s": 0.05, "rays": 64}
 CALLS_PER_EXAMPLE = 20
+#: Words of numpy and of the interpreter, which say nothing of the function and its argument.
+RAW = (
+    r"array element|inhomogeneous|truth value|broadcast|could not convert|cannot be interpreted|invalid literal|object of type|"
+    r"not supported between|[Cc]annot cast|ufunc|object is not|has no attribute|has no len|must be real number|int too|unhashable|"
+    r"is not iterable|unsupported operand|only .* arrays can be"
+)
 
 ODD: list[Any] = [
     *(None, True, False, 0, 1, -1, 3, 2**31, 2**32, 2**40, 2**63, 2**64, -(2**63), 10**400),
@@ -75,6 +84,8 @@ class Things:
         self.env.reset(seed=1)
         self.snapshot = self.batch.snapshot(0)
         self.state = self.batch.save_state()
+        self.plain = PlainBatch(SMALL, 2)
+        self.plain.reset(1)
         self.pair = earshot.parallel_env({**SMALL, "agents": 2})
         self.pair.reset(seed=1)
         self.closed = earshot.make_vec(SMALL, num_envs=1)
@@ -217,6 +228,7 @@ def env_calls(on: Things) -> list[Call]:
         "copy": st.booleans(),
         "first_env": st.integers(0, 3),
     }
+    steps = {"max_episode_steps": st.none() | st.integers(9, 20)}
     rendered = {"render_mode": st.sampled_from([None, "rgb_array"])}
     return [
         (
@@ -229,6 +241,11 @@ def env_calls(on: Things) -> list[Call]:
                 **common,
                 **rendered,
             },
+        ),
+        (
+            "make_registered_vec",
+            lambda **a: make(make_registered_vec, **a),
+            {"config": config, "num_envs": st.integers(1, 2), **common, **steps},
         ),
         ("make", lambda **a: make(earshot.make, **a), {"config": config, **common, **rendered}),
         ("Env.step", single_step, {"action": st.integers(0, 3) | st.just(np.int8(1)) | st.just(np.array(2))}),
@@ -251,6 +268,11 @@ def env_calls(on: Things) -> list[Call]:
             {"actions": st.fixed_dictionaries({"agent_0": st.integers(1, 3), "agent_1": st.integers(1, 3)})},
         ),
         ("ParallelEnv.reset", lambda **a: on.pair.reset(**a), {"seed": st.none() | seeds, "options": st.none()}),
+        ("PlainBatch.step", lambda **a: on.plain.step(**a), {"actions": acts}),
+        ("PlainBatch.reset", lambda **a: on.plain.reset(**a), {"seed": st.none() | seeds}),
+        ("VectorEnv.set_attr", on.envs.set_attr, {"name": st.just("mark"), "values": st.just([1, 2]) | st.just(3)}),
+        ("VectorEnv.get_attr", on.envs.get_attr, {"name": st.sampled_from(["pose", "scene_name", "episode_index"])}),
+        ("Env.snapshot and restore", lambda **a: on.env.restore(**a), {"state": st.builds(on.env.snapshot)}),
         ("ParallelEnv.action_space", on.pair.action_space, {"agent": st.just("agent_0")}),
         ("ParallelEnv.observation_space", on.pair.observation_space, {"agent": st.just("agent_1")}),
     ]
@@ -292,6 +314,7 @@ def judge(name: str, arguments: dict[str, Any], error: Exception) -> None:
         return
     for wrong in ("\n", "incompatible function arguments", "nanobind", "command line", "_engine."):
         assert wrong not in text, f"{name}({list(arguments)}): {text}"
+    assert not re.search(RAW, text), f"{name}({list(arguments)}): {text}"
     assert 0 < len(text) < 4200, name
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import earshot
+from earshot.integrations._plain import PlainBatch
 
 Make = Callable[..., dict[str, Any]]
 ROOM = "shoebox:6x3x5"
@@ -98,6 +99,62 @@ def test_errors_name_function_and_argument(scene: earshot.Scene, small: Make, tm
             call()
         assert "\n" not in str(caught.value)
         assert "command line" not in str(caught.value)
+
+
+class NoArray:
+    """Has a length and items, but numpy cannot read it."""
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuntimeError("first line\nsecond line")
+
+    def __len__(self) -> int:
+        return 2
+
+
+NO_ARRAYS: list[Any] = [
+    NoArray(),
+    [[1, 2], [3]],
+    [1, [2]],
+    [NoArray(), 1],
+    [[1], 2],
+    np.array([[1, 2], [3, 4], [5, 6]]),
+    [10**30, "x"],
+    "ab",
+]
+
+
+def test_what_numpy_cannot_read_is_told_in_pythons_words(scene: earshot.Scene, small: Make) -> None:
+    source = scene.source([2, 1.5, 2])
+    envs = earshot.make_vec(small(), num_envs=2)
+    envs.reset(seed=1)
+    plain = PlainBatch(small(), 2)
+    plain.reset(1)
+    calls: dict[str, Callable[[Any], Any]] = {
+        "step: actions": envs.step,
+        "step: actions of the plain batch": plain.step,
+        "Batch.step: actions": envs.batch.step,
+        "Batch.send: envs": lambda value: envs.batch.send(value, [1, 1]),
+        "Batch.send: actions": lambda value: envs.batch.send([0, 1], value),
+        "Batch.reset_masked: mask": envs.batch.reset_masked,
+        "Batch.reset_masked: seeds?": lambda value: envs.batch.reset_masked([1, 1], value),
+        "reset: seed": lambda value: envs.reset(seed=value),
+        "reset: seed of the plain batch": plain.reset,
+        "Scene.source: position": scene.source,
+        "Source.render: listener": source.render,
+        "measure: rir": lambda value: earshot.measure(value, 16000),
+    }
+    for name, call in calls.items():
+        for value in NO_ARRAYS:
+            if name == "measure: rir" and isinstance(value, np.ndarray):
+                continue  # three channels of two samples
+            with pytest.raises((ValueError, TypeError)) as caught:
+                call(value)
+            text = str(caught.value)
+            function, argument = name.removesuffix(" of the plain batch").removesuffix("?").split(": ")
+            assert text.startswith(f"{function}: ") and argument.rstrip("s") in text, f"{name}: {text}"  # noqa: PT018
+            assert not re.search(r"\n|second line|inhomogeneous|sequence|truth value|broadcast|convert|cast", text), text
+    envs.step([1, 1])  # type: ignore[arg-type]
+    plain.step([[1], [2]])
 
 
 def test_an_unknown_split_and_a_wrong_key_are_told_in_pythons_words(small: Make, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ class PlainBatch:
     def step(self, actions: Any) -> list[dict[str, Any]]:
         """Metrics of the episodes that ended, by env; empty where none did.  quarantined: True where an episode was faulty."""
         batch = self.batch
-        batch._step(check.actions(np.reshape(actions, -1), self.num_envs, "step"))
+        batch._step(check.actions(actions, self.num_envs, "step", column=True))
         ends: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for env, _, metrics in batch.finished():
             ends[env - self.first_env] = dict(metrics)

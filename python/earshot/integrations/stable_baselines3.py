@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _arguments as check
 from .._configs import Config
 from .._seeds import spread_seeds
 from ..vector import EarshotVectorEnv
@@ -55,7 +56,7 @@ class EarshotVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        self._actions = np.asarray(actions)
+        self._actions = check.array(actions, "step_async", "actions", f"[{self.num_envs}] integers")
 
     def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         if self._actions is None:
