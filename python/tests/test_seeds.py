@@ -208,6 +208,29 @@ def test_pufferlib_numbers_and_seeds(small: Make) -> None:
         env.step(np.array([1.5, 2.0]))
 
 
+def test_runners_of_rllib_play_episodes_of_their_own(small: Make) -> None:
+    pytest.importorskip("ray.rllib", reason="no ray[rllib]")
+    from ray.rllib.env.env_context import EnvContext
+    from ray.tune.registry import ENV_CREATOR, _global_registry
+
+    from earshot.integrations.rllib import register
+
+    create = _global_registry.get(ENV_CREATOR, register("small", small()))
+    singles, batches = [], []
+    for worker in (None, 1, 2):
+        context = EnvContext({}, worker_index=worker)
+        seed = 7 + (worker or 0)  # of the runner, as RLlib gives it
+        for number in range(2):
+            env = create(context)
+            env.reset(seed=seed + number)
+            singles += sequences(env.unwrapped)
+        envs = create(context | {"num_envs": 2})  # as RLlib calls it, a dict without the number of the worker
+        envs.reset(seed=seed)
+        batches += sequences(envs.unwrapped)
+    assert all_differ(singles)
+    assert all_differ(batches)
+
+
 def test_adapters_spread_their_seeds(small: Make) -> None:
     pytest.importorskip("stable_baselines3", reason="no stable-baselines3")
     pytest.importorskip("torchrl", reason="no torchrl")

@@ -48,7 +48,7 @@ def register(name: str, config: Config, **arguments: Any) -> str:
         keys = {**arguments, **dict(context)}
         num_envs = keys.pop("num_envs", None)
         if num_envs is None:
-            return make_env(keys.pop("config", config), **{"runner": getattr(context, "worker_index", 0), **keys})
+            return make_env(keys.pop("config", config), **{"runner": getattr(context, "worker_index", None) or 0, **keys})
         return make_vec(keys.pop("config", config), num_envs, **keys)  # RLlib gives no number of the runner here
 
     register_env(name, create)
