@@ -36,7 +36,7 @@ FAST = {"rir_length_s": 0.05, "rays": 64}
 CALLS_PER_EXAMPLE = 20
 #: Words of numpy and of the interpreter, which say nothing of the function and its argument.
 RAW = (
-    r"array element|inhomogeneous|truth value|broadcast|could not convert|cannot be interpreted|invalid literal|object of type|"
+    r"array element|inhomogeneous|truth value|broadcast|could not convert|cannot be interpreted|invalid literal for|object of type|"
     r"not supported between|[Cc]annot cast|ufunc|object is not|has no attribute|has no len|must be real number|int too|unhashable|"
     r"is not iterable|unsupported operand|only .* arrays can be"
 )

@@ -326,12 +326,22 @@ def test_sample_factory_takes_the_batch(small: Make) -> None:
     obs, infos = env.reset(seed=11)
     assert len(infos) == 3
     assert all(obs[name].shape == (3, *box.shape) and obs[name].dtype == box.dtype for name, box in boxes.items())
+    plain = PlainBatch(small(), 3)
     envs = BatchedVecEnv(env)
-    envs.reset()
+    envs.seed(4)  # as a worker does; the first reset takes it
+    tensors, _ = envs.reset()
+    plain.reset(4)
     ends = 0
     for actions in ACTIONS:
-        tensors, rewards, _, _, infos = envs.step(actions)
-        assert len(rewards) == 3
-        assert set(tensors) == set(obs)
-        ends += sum("episode_extra_stats" in info for info in infos)
+        for name, array in plain.rows().items():
+            found = tensors[name].numpy()
+            rows = np.moveaxis(array, -1, 1) if array.ndim == 4 else array  # channels first, in one row where a side is short
+            assert np.array_equal(found, rows.reshape(found.shape).astype(found.dtype))
+        tensors, rewards, terminated, truncated, infos = envs.step(actions)
+        metrics = plain.step(actions)
+        assert np.array_equal(rewards, plain.rewards)
+        assert np.array_equal(terminated, plain.terminated)
+        assert np.array_equal(truncated, plain.truncated)
+        assert [info.get("episode_extra_stats", {}) for info in infos] == metrics
+        ends += sum(bool(end) for end in metrics)
     assert ends >= 4

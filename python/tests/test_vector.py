@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import gc
+import re
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -142,7 +143,7 @@ def test_disabled_waits_for_a_reset_by_mask(small: Make) -> None:
     envs.reset(seed=7)
     before, _, terminated, *_ = envs.step(np.array([STOP, FORWARD, 2]))
     assert terminated.tolist() == [True, False, False]
-    with pytest.raises((ValueError, RuntimeError)):
+    with pytest.raises(RuntimeError, match="the episode of environment 0 has ended and autoreset is off; reset it first"):
         envs.step(np.array([FORWARD, FORWARD, FORWARD]))
     after, _ = envs.reset(options={"reset_mask": terminated})
     assert after["previous_action"][:, 0].tolist() == [-1, FORWARD, 2]
@@ -158,7 +159,7 @@ def test_disabled_waits_for_a_reset_by_mask(small: Make) -> None:
 def test_a_wrong_mask_is_refused(small: Make, mask: Any, error: type[Exception]) -> None:
     envs = earshot.make_vec(small(), num_envs=2)
     envs.reset(seed=1)
-    with pytest.raises(error):
+    with pytest.raises(error, match=r"^options\['reset_mask'\] must (be a numpy array of bool|have shape \(2,\))"):
         envs.reset(options={"reset_mask": mask})
 
 
@@ -275,21 +276,25 @@ def test_memory_does_not_grow_with_batches(small: Make) -> None:
 def test_wrong_arguments_are_exceptions(small: Make) -> None:
     envs = earshot.make_vec(small(), num_envs=2)
     envs.reset(seed=1)
-    for call in (
-        lambda: earshot.make_vec(small(), num_envs=0),
-        lambda: earshot.make_vec(small(thread=3), num_envs=1),
-        lambda: earshot.make_vec({"seed": 1}, num_envs=1),
-        lambda: earshot.make_vec("absent.yaml", num_envs=1),
-        lambda: earshot.make_vec(small(), num_envs=1, autoreset_mode="later"),
-        lambda: earshot.make_vec(small(), num_envs=1, overrides=["task.max_stepps=3"]),
-        lambda: envs.step(np.array([1, 1, 1])),
-        lambda: envs.step(np.array([1, 9])),
-        lambda: envs.reset(seed=[1]),
-        lambda: envs.reset(seed=-1),
-    ):
-        with pytest.raises((ValueError, IndexError)):
+    calls: list[tuple[Callable[[], Any], str]] = [
+        (lambda: earshot.make_vec(small(), num_envs=0), "make_vec: num_envs is 0; give an integer from 1"),
+        (lambda: earshot.make_vec(small(thread=3), num_envs=1), "config:1: thread: unknown key; did you mean 'threads'?"),
+        (lambda: earshot.make_vec({"seed": 1}, num_envs=1), "config: episodes: is missing"),
+        (lambda: earshot.make_vec("absent.yaml", num_envs=1), "make_vec: config absent.yaml cannot be read"),
+        (
+            lambda: earshot.make_vec(small(), num_envs=1, autoreset_mode="later"),
+            "make_vec: autoreset_mode is 'later'; give one of same_step",
+        ),
+        (lambda: earshot.make_vec(small(), overrides=["task.max_stepps=3"]), "override 'task.max_stepps=3': task.max_stepps: unknown key"),
+        (lambda: envs.step(np.array([1, 1, 1])), "step: actions have shape (3,); give [2] integers"),
+        (lambda: envs.step(np.array([1, 9])), "step: actions have the value 9; give integers from 0 to 3"),
+        (lambda: envs.reset(seed=[1]), "reset: seed has 1 entries for 2 envs"),
+        (lambda: envs.reset(seed=-1), "reset: seed is -1; give an integer from 0"),
+    ]
+    for call, words in calls:
+        with pytest.raises(earshot.InputError, match=f"^{re.escape(words)}"):
             call()
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match=r"^step: actions are of type float64; give integers from 0 to 3$"):
         envs.step(np.array([0.5, 1.5]))
 
 

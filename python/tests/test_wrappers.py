@@ -187,15 +187,25 @@ def close(name: str, wrapped: Any) -> None:
         wrapped.close()
 
 
+def as_numpy(obs: Any) -> Any:
+    """Tensors as arrays, whose space holds arrays."""
+    if isinstance(obs, dict):
+        return {name: as_numpy(one) for name, one in obs.items()}
+    return np.asarray(obs) if "torch" in str(type(obs)) else obs
+
+
 def walk(env: Any, rng: np.random.Generator, num_envs: int | None) -> int:
     """Steps over several ends of episodes; observations are those of the space."""
     disabled = num_envs is None or env.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.DISABLED
     obs, _ = env.reset(seed=3)
-    assert env.observation_space.contains(obs) or "torch" in str(type(next(iter(obs.values()))))
+    assert env.observation_space.contains(as_numpy(obs))
     env.action_space.seed(int(rng.integers(1000)))
     ends = 0
     for _ in range(30):
-        obs, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        obs, rewards, terminated, truncated, _ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(as_numpy(obs))
+        assert np.shape(rewards) == np.shape(terminated) == np.shape(truncated) == (() if num_envs is None else (num_envs,))
+        assert np.isfinite(np.asarray(rewards)).all()
         ended = np.asarray(terminated) | np.asarray(truncated)
         ends += int(ended.sum())
         if disabled and ended.any():
