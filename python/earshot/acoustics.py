@@ -14,16 +14,20 @@ import os
 import warnings
 import weakref
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arguments as check
 from . import _engine
+from ._configs import plain_settings
 from ._engine import InputError
 from ._results import ARRIVAL_KINDS, AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Floats, Metrics
 from .responses import Response, ResponseCall, place_text
+
+if TYPE_CHECKING:
+    from .config import Acoustics
 
 __all__ = [
     "ARRIVAL_KINDS",
@@ -175,7 +179,8 @@ class Scene:
 
     :param spec: A mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.
     :param preset: "fast", "balanced" or "high".
-    :param settings: A dict or texts "key=value" that replace keys of the preset, as ``earshot rir --set``.
+    :param settings: A dict, an ``earshot.config.Acoustics`` or texts "key=value" that replace keys of the preset, as
+        ``earshot rir --set``.
     :param unit_m: Metres per unit of a mesh file; the default is that of the scene YAML, else 1.
     :param up: Upward axis of a mesh file, "y" or "z"; the default is that of the scene YAML, else "y".
 
@@ -191,7 +196,7 @@ class Scene:
         spec: str | os.PathLike[str],
         *,
         preset: str = "balanced",
-        settings: Mapping[str, Any] | Sequence[str] = (),
+        settings: Mapping[str, Any] | Sequence[str] | Acoustics = (),
         rate_hz: float | None = None,
         seed: int | None = None,
         unit_m: float | None = None,
@@ -201,7 +206,7 @@ class Scene:
         self._recipe = (
             check.path(spec, "Scene", "spec"),
             check.one_of(preset, "Scene", "preset", PRESETS),
-            tuple(check.settings(settings, "Scene")),
+            tuple(check.settings(plain_settings(settings, "Scene"), "Scene")),
             None if rate_hz is None else check.number(rate_hz, "Scene", "rate_hz", 8000, 96000),
             None if seed is None else check.seed(seed, "Scene"),
             None if unit_m is None else check.number(unit_m, "Scene", "unit_m", 0, above=True),
