@@ -84,6 +84,12 @@ def make(
 
     :param first_env: Without it, environments that begin without a seed draw different episodes: the first one of the program those of
         the config.
+
+    >>> room = {"scenes": ["shoebox:8x3x6"], "sounds": ["synth:bird"], "filter": {"min_geodesic_m": 1, "min_ratio": 0}}
+    >>> env = make({"episodes": room})
+    >>> observation, info = env.reset(seed=1)
+    >>> observation["spectrogram"].shape == env.observation_space["spectrogram"].shape
+    True
     """
     from .single import EarshotEnv
 
@@ -124,6 +130,15 @@ def make_vec(
     :param threads: Threads for the batch; 0 uses all cores.  Results do not depend on it.
     :param copy: Return copies of the observations.  By default they are views of the engine's memory, which the next step overwrites.
     :param first_env: Number of the first environment.  Batches that share a run use different numbers and draw different episodes.
+
+    >>> room = {"scenes": ["shoebox:8x3x6"], "sounds": ["synth:bird"], "filter": {"min_geodesic_m": 1, "min_ratio": 0}}
+    >>> envs = make_vec({"episodes": room}, 2)
+    >>> observations, infos = envs.reset(seed=1)
+    >>> observations["depth"].shape
+    (2, 128, 128, 1)
+    >>> observations, rewards, terminations, truncations, infos = envs.step([1, 2])
+    >>> rewards.shape, rewards.dtype
+    ((2,), dtype('float32'))
     """
     from .vector import EarshotVectorEnv
 

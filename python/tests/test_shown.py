@@ -136,9 +136,9 @@ def test_plots_draw(response: earshot.Response, small: Make) -> None:
     assert scene.plot().get_title() == scene.name
 
 
-@pytest.mark.parametrize("name", ["acoustics", "responses"])
+@pytest.mark.parametrize("name", ["earshot", "earshot.acoustics", "earshot.responses", "earshot.config"])
 def test_examples_of_docstrings_hold(name: str) -> None:
-    failed, tried = doctest.testmod(importlib.import_module(f"earshot.{name}"))
+    failed, tried = doctest.testmod(importlib.import_module(name))
     assert tried >= 4
     assert failed == 0
 
