@@ -29,7 +29,10 @@ MODULES = {
     ),
     "envs": ("Configs of environments.", {"EnvConfig": ("environment config", "")}),
     "runs": ("Configs of training runs.", {"RunConfig": ("run config", "")}),
-    "corpora": ("Configs of corpora.", {"ResponseCorpusConfig": ("response corpus", ""), "RecordingCorpusConfig": ("recording corpus", "")}),
+    "corpora": (
+        "Configs of corpora.",
+        {"ResponseCorpusConfig": ("response corpus", ""), "RecordingCorpusConfig": ("recording corpus", "")},
+    ),
     "scenes": ("Configs of scenes.", {"SceneConfig": ("scene", "")}),
 }
 #: Names of sections that several files or keys share; others have the name of their last key.
@@ -130,7 +133,9 @@ class Module:
         if used:
             choices = "if TYPE_CHECKING:\n" + "".join(f"    {name} = {values}\n" for name, values in sorted(used.items()))
             choices += "else:  # OmegaConf 2.3 knows no Literal\n" + "".join(f"    {name} = str\n" for name in sorted(used)) + "\n"
-        classes = [f"@dataclasses.dataclass(kw_only=True, slots=True)\nclass {name}(Section):\n{body}" for name, body in self.bodies.items()]
+        classes = [
+            f"@dataclasses.dataclass(kw_only=True, slots=True)\nclass {name}(Section):\n{body}" for name, body in self.bodies.items()
+        ]
         about = f'"""{self.about}  Made by scripts/make_config_classes.py from `earshot config --json`."""\n\n'
         return f"{BASE}{about}from __future__ import annotations\n\n{imports}\n{local}\n{choices}\n" + "\n\n".join(classes)
 
