@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "api/convert.h"
+#include "api/input_files.h"
 #include "api/scene_model.h"
 #include "api/source_model.h"
 #include "envs/episodes/episode_generator.h"
@@ -63,14 +64,11 @@ int Scene::Model::harmonics_of(const ListenerLayout& layout) const {
 }
 
 std::shared_ptr<const AcousticScene> Scene::Model::acoustics(int sh_order) {
-  const std::lock_guard lock(mutex_);
-  std::shared_ptr<const AcousticScene>& kept = acoustics_[sh_order];
-  if (!kept) {
+  return acoustics_.get(sh_order, [&] {
     AcousticConfig config = config_;
     config.sh_order = sh_order;
-    kept = std::make_shared<const AcousticScene>(scene_, config);
-  }
-  return kept;
+    return std::make_shared<const AcousticScene>(scene_, config);
+  });
 }
 
 std::shared_ptr<const SynthesisTables> Scene::Model::tables(const std::string& channels, const std::string& hrtf) {
@@ -78,21 +76,16 @@ std::shared_ptr<const SynthesisTables> Scene::Model::tables(const std::string& c
   if (!hrtf.empty() && layout.kind != ListenerKind::binaural)
     throw InputError("hrtf", fmt::format("has no effect on channels '{}'", channels), "leave it out, or ask for binaural");
   const std::shared_ptr<const AcousticScene> scene = acoustics(harmonics_of(layout));
-  const std::lock_guard lock(mutex_);
-  std::shared_ptr<const SynthesisTables>& kept = tables_[{channels, hrtf}];
-  if (!kept) {
+  return tables_.get({channels, hrtf, state_of_files(layout, hrtf)}, [&] {
     std::shared_ptr<const Hrtf> head;
     if (layout.kind == ListenerKind::binaural)
       head = hrtf.empty() ? Hrtf::rigid_sphere(config_.sample_rate_hz) : Hrtf::from_sofa(hrtf, config_.sample_rate_hz);
-    kept = make_synthesis_tables(scene->config(), scene->bands(), layout, head);
-  }
-  return kept;
+    return make_synthesis_tables(scene->config(), scene->bands(), layout, head);
+  });
 }
 
 std::shared_ptr<const Appearance> Scene::Model::appearance() {
-  const std::lock_guard lock(mutex_);
-  if (!appearance_) appearance_ = load_appearance(*scene_, overrides_);
-  return appearance_;
+  return appearance_.get(0, [&] { return load_appearance(*scene_, overrides_); });
 }
 
 Scene::Scene(const std::string& spec, const SceneOptions& options) : model_(std::make_shared<Model>(spec, options)) {}

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 #include "earshot/scene.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
+#include "sim/base/kept_results.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/scene.h"
 
@@ -41,11 +41,11 @@ struct Scene::Model {
   std::shared_ptr<const earshot::Scene> scene_;
   AcousticConfig config_;
   SceneOverrides overrides_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;  ///< guards the warnings
   std::vector<std::string> warnings_;
-  std::map<int, std::shared_ptr<const AcousticScene>> acoustics_;
-  std::map<std::pair<std::string, std::string>, std::shared_ptr<const SynthesisTables>> tables_;
-  std::shared_ptr<const Appearance> appearance_;
+  KeptResults<int, AcousticScene> acoustics_;                                               ///< by order of harmonics
+  KeptResults<std::tuple<std::string, std::string, std::string>, SynthesisTables> tables_;  ///< by channels, head and state of their files
+  KeptResults<int, Appearance> appearance_;                                                 ///< by 0
 };
 
 }  // namespace earshot::api

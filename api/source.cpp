@@ -87,14 +87,14 @@ Source::Model::Model(std::shared_ptr<Scene::Model> scene, const Vec3& position, 
 }
 
 SourceParts Source::Model::parts(int sh_order, std::size_t responses, const std::stop_token& stop) {
-  const std::lock_guard lock(mutex_);
-  SourceParts& kept = parts_[sh_order];
-  if (!kept.candidates) {
-    kept.acoustics = scene_->acoustics(sh_order);
-    kept.candidates = std::make_shared<const EarlyCandidates>(*kept.acoustics, source_);
-  }
-  if (!kept.field) kept.field = field_for_poses(*kept.acoustics, *kept.candidates, responses, [&](double) { throw_if_stopped(stop); });
-  return kept;
+  SourceParts parts{.acoustics = scene_->acoustics(sh_order), .candidates = nullptr, .field = nullptr};
+  const AcousticScene& acoustics = *parts.acoustics;
+  parts.candidates = candidates_.get(
+      sh_order, [&] { return std::make_shared<const EarlyCandidates>(acoustics, source_); }, stop);
+  if (wants_source_field(acoustics, responses))
+    parts.field = fields_.get(
+        sh_order, [&] { return build_source_field(acoustics, *parts.candidates, [&](double) { throw_if_stopped(stop); }); }, stop);
+  return parts;
 }
 
 void Source::Model::check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const Vec3> listeners) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,10 +14,11 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/source_field.h"
+#include "sim/base/kept_results.h"
 
 namespace earshot::api {
 
-/// Data shared by the responses of a source: its candidates of paths and, if built, its late field, for one order of harmonics.
+/// Data shared by the responses of one call: candidates of paths and, if the call uses one, the late field, for one order of harmonics.
 struct SourceParts {
   std::shared_ptr<const AcousticScene> acoustics;
   std::shared_ptr<const EarlyCandidates> candidates;
@@ -31,7 +31,8 @@ struct Source::Model {
 
   [[nodiscard]] const std::shared_ptr<Scene::Model>& scene() const { return scene_; }
   [[nodiscard]] const SoundSource& source() const { return source_; }
-  /// With a source field where the plan of the scene calls for one for so many responses.  Throws RunError once `stop` is requested.
+  /// With a source field where the plan of the scene calls for one for so many responses in a call, and without where it does not: calls
+  /// before decide what is made anew, never what is used.  Throws RunError once `stop` is requested.
   SourceParts parts(int sh_order, std::size_t responses, const std::stop_token& stop);
   /// Warns of places, or throws InputError for one outside the closed scene (place_check.h).
   void check_places(std::shared_ptr<const AcousticScene> acoustics, std::span<const Vec3> listeners);
@@ -39,8 +40,9 @@ struct Source::Model {
  private:
   std::shared_ptr<Scene::Model> scene_;
   SoundSource source_;
-  std::mutex mutex_;
-  std::map<int, SourceParts> parts_;
+  KeptResults<int, EarlyCandidates> candidates_;  ///< by order of harmonics, as the fields
+  KeptResults<int, SourceField> fields_;
+  std::mutex mutex_;  ///< guards what is below, for a moment
   std::shared_ptr<const AcousticScene> checked_;
   std::optional<PlaceCheck> places_;  ///< of checked_, from the first call on
 };

@@ -7,6 +7,7 @@
 
 #include "api/convert.h"
 #include "api/episode_set_model.h"
+#include "api/input_files.h"
 #include "api/vector_env_model.h"
 #include "earshot/env.h"
 #include "envs/config/batch_config.h"
@@ -26,10 +27,14 @@ std::unique_ptr<VectorEnv::Model> make_batch(const Config& config, const VectorE
                                              std::shared_ptr<const earshot::EpisodeSet> episodes) {
   require(num_envs >= 1 && num_envs <= 65536, "num_envs", num_envs, "must be in [1, 65536]");
   require(options.first_env >= 0 && options.first_env <= 1'000'000'000, "first_env", options.first_env, "must be in [0, 1e9]");
+  const timespec made_after = file_time_now();
   const BatchParts parts =
       read_batch(config.yaml, config.where, config.overrides.texts(), options.settings.texts(), options.split, std::move(episodes));
   auto model = std::make_unique<VectorEnv::Model>(
-      VectorEnv::Model{BatchedEnv(parts.config, parts.set, parts.scenes, num_envs, options.first_env, num_envs + options.first_env), {}});
+      VectorEnv::Model{.env = BatchedEnv(parts.config, parts.set, parts.scenes, num_envs, options.first_env, num_envs + options.first_env),
+                       .sensors = {},
+                       .set = parts.set,
+                       .made_after = made_after});
   for (const SensorSpec& spec : model->env.sensors())
     model->sensors.push_back({.name = spec.name,
                               .type = static_cast<SensorType>(spec.type),
@@ -121,6 +126,8 @@ std::vector<EpisodeResult> VectorEnv::finished() const {
   for (const FinishedEpisode& episode : model_->env.finished()) results.push_back(result_of(episode));
   return results;
 }
+
+std::vector<InputFile> VectorEnv::input_files() const { return input_files_of(model_->env.config(), *model_->set, model_->made_after); }
 
 AgentPose VectorEnv::pose(int row) const {
   const Pose pose = model_->env.agent(row).pose;

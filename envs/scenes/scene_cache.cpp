@@ -126,13 +126,6 @@ struct SceneCache::Impl {
   std::condition_variable_any wanted_changed;
   std::jthread prefetcher;
 
-  std::string resolve(const std::string& scene_id) const {
-    if (root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
-    const std::filesystem::path inside = root / scene_id;
-    std::error_code ignored;  // "house:3" is not a file, which is not an error
-    return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
-  }
-
   /// Embree and Navmesh run parallel work: while this thread waits for it, it must not pick up another agent's reset, which could
   /// wait for the very scene that is being loaded here.
   std::shared_ptr<const EnvScene> load(const std::string& scene_id) {
@@ -141,7 +134,7 @@ struct SceneCache::Impl {
       // Fields only on request (choose_field), and what a plan would leave to them is planned without.
       AcousticConfig planned = acoustics;
       if (planned.field == Switch::automatic) planned.field = Switch::off;
-      return std::make_shared<const EnvScene>(stored.load(resolve(scene_id), planned, navmesh));
+      return std::make_shared<const EnvScene>(stored.load(resolve_scene(scene_id, root), planned, navmesh));
     });
   }
   std::shared_ptr<const EnvSource> build(std::shared_ptr<const EnvScene> scene, glm::vec3 goal, float source_height_m) {
@@ -274,6 +267,13 @@ struct SceneCache::Impl {
     }
   }
 };
+
+std::string resolve_scene(const std::string& scene_id, const std::filesystem::path& scene_root) {
+  if (scene_root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
+  const std::filesystem::path inside = scene_root / scene_id;
+  std::error_code ignored;  // "house:3" is not a file, which is not an error
+  return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
+}
 
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,
                        std::size_t max_bytes, FieldStoreConfig fields, SceneStoreConfig scenes) {

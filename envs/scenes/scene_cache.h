@@ -15,6 +15,9 @@
 
 namespace earshot {
 
+/// Argument of load_scene for a scene of an episode: a file under scene_root where there is one of this name, else the name itself.
+std::string resolve_scene(const std::string& scene_id, const std::filesystem::path& scene_root);
+
 /// Data of one goal in one scene, shared by agents and episodes.  Holds the scene alive.
 struct EnvSource {
   std::shared_ptr<const EnvScene> scene;

@@ -10,19 +10,13 @@
 #include <vector>
 
 #include "envs/hearing/sound_library.h"
+#include "envs/scenes/scene_cache.h"
 #include "envs/task/goal_silence.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
-
-std::string resolve_scene(const std::string& scene_id, const std::string& scene_root) {
-  if (scene_root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
-  const std::filesystem::path inside = std::filesystem::path(scene_root) / scene_id;
-  std::error_code ignored;  // "house:3" is not a file, which is not an error
-  return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
-}
 
 std::shared_ptr<const Scene> load_scene_under(const std::string& scene_id, const std::string& scene_root) {
   const FlushDenormals flush;

@@ -13,9 +13,6 @@
 
 namespace earshot {
 
-/// Argument of load_scene for a scene of an episode: a file under scene_root where there is one of this name, else the name itself.
-std::string resolve_scene(const std::string& scene_id, const std::string& scene_root);
-
 /// scene_id: as SceneCache takes it, looked up under scene_root.  Throws InputError.
 std::shared_ptr<const Scene> load_scene_under(const std::string& scene_id, const std::string& scene_root);
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "envs/hearing/sound_library.h"
-#include "evaluation/results/episode_walk.h"
+#include "envs/scenes/scene_cache.h"
 #include "sim/base/errors.h"
 #include "sim/base/regular_file.h"
 #include "sim/base/sha256.h"

@@ -5,6 +5,7 @@
 /// Settings by key and config texts.
 
 #include <concepts>
+#include <cstdint>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
@@ -66,5 +67,12 @@ struct Config {
 /// describes the keys.
 /// @throws InputError for an unknown preset or key, or a value out of range.
 std::string acoustic_config_text(const std::string& preset, const Settings& settings = {});
+
+/// A file that a call reads, or all files of one scene.  Equal hashes mean equal bytes.
+struct InputFile {
+  std::string name;  ///< path, or the name of the scene or sound
+  std::uint64_t hash = 0;
+  friend bool operator==(const InputFile&, const InputFile&) = default;
+};
 
 }  // namespace earshot::api

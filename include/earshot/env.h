@@ -131,6 +131,11 @@ class VectorEnv {
   /// Episodes that ended in the last step, or of the envs that recv() handed back, by env.
   [[nodiscard]] std::vector<EpisodeResult> finished() const;
 
+  /// Files of the scenes, sounds and head filters, with hashes: two batches of equal files, config and actions have equal bits.  Reads each
+  /// file once.
+  /// @throws InputError for a file that cannot be read, or has changed since the batch was made.
+  [[nodiscard]] std::vector<InputFile> input_files() const;
+
   [[nodiscard]] AgentPose pose(int row) const;
   [[nodiscard]] std::string scene_name(int row) const;
   [[nodiscard]] std::uint64_t episode_index(int row) const;

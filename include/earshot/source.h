@@ -17,6 +17,11 @@
 
 namespace earshot::api {
 
+/// Files that channels are read from: that of `array:FILE` with those of its patterns, or that of `mono:FILE`.  Empty for other channels.
+/// "mono:" + SourceOptions::pattern gives the file of a source.
+/// @throws InputError for unknown channels, or a file that cannot be read.
+std::vector<InputFile> files_of_channels(const std::string& channels);
+
 /// Pattern and size of a source.
 struct SourceOptions {
   /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML).
@@ -68,12 +73,13 @@ struct AccuracyPlan {
 /// Threads: any number of callers.
 /// Errors:  InputError for a listener that is not finite or outside the closed scene, for unknown channels or head filters, and for a
 ///          negative number of threads.
-/// Bits:    equal arguments and seeds give equal bits, for any number of threads.
+/// Bits:    equal arguments and seeds give equal bits, for any number of threads, whatever was called before.
 class Source {
  public:
   /// The impulse response of one listener.
   [[nodiscard]] Rir render(const Vec3& listener, const RenderOptions& options = {}) const;
   /// The same for many listeners.  From 300 listeners on the late field of the source is computed once and shared, where that is cheaper.
+  /// Later calls of as many listeners use it, smaller ones do not.
   [[nodiscard]] std::vector<Rir> render_all(std::span<const Listener> listeners, const BatchOptions& options = {}) const;
 
   /// The response before any head.

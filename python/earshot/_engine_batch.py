@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arguments as check
 from . import _engine
 from ._engine import InputError
+from ._files import require_same
 
 LARGEST_INT = 2**31 - 1
 
@@ -21,7 +22,8 @@ class Batch:
     """Environments that are stepped together.
 
     One caller at a time: a call from another thread meanwhile raises RunError.  A call that Ctrl-C ends goes on in the background, and the
-    next one waits for it.  A batch pickles with the state of its episodes: observations go on with the same bits in another process.
+    next one waits for it.  A batch pickles with the state of its episodes: observations go on with the same bits in another process, which
+    refuses files of scenes and sounds that have changed.
     """
 
     def __init__(
@@ -41,10 +43,11 @@ class Batch:
         self._sensors = {name for name, *_ in self._engine.sensors()}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"recipe": self._recipe, "state": self._engine.save_state()}
+        return {"recipe": self._recipe, "state": self._engine.save_state(), "files": self._engine.input_files()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         Batch.__init__(self, *state["recipe"])
+        require_same(state["files"], self._engine.input_files(), "the environments were pickled")
         self.restore_state(state["state"])
 
     def __repr__(self) -> str:
@@ -152,7 +155,8 @@ class Batch:
     def recv(self, min_ready: int, as_sent: bool = False) -> NDArray[np.int32]:
         """Waits until at least `min_ready` envs are done and hands them back, by ascending number.
 
-        as_sent: the first that were sent, the same in every run; else all that are done.
+        as_sent: the first that were sent, the same in every run; else all that are done.  A wait that a signal ends hands nothing back:
+        the envs are under way until the next recv.
         """
         least = check.integer(min_ready, "Batch.recv", "min_ready", 1, LARGEST_INT)
         return self._engine.recv(least, check.flag(as_sent, "Batch.recv", "as_sent"))

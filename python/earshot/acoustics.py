@@ -5,7 +5,8 @@ Positions are in metres in the coordinates of the scene's file, y up.  Angles ar
 from above.  Pressure is in Green units: a unit source gives 1 / (4 pi r) at distance r.  Equal arguments and seeds give equal bits for any
 number of threads, and the bits of ``earshot rir`` if it is built with the same transforms (docs/howto/python.md).
 
-Scenes, sources and responses pickle by recipe: another process makes them again, with the same bits, and refuses a file that has changed.
+Scenes, sources and responses pickle by recipe: another process makes them again, with the same bits, and refuses a file that has changed
+(of a mesh, a balloon or an array).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from . import _arguments as check
 from . import _engine
 from ._configs import plain_settings
 from ._engine import InputError
+from ._files import Files, pattern_files, require_same, with_absolute_path
 from ._results import ARRIVAL_KINDS, AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Floats, Metrics
 from .responses import Response, ResponseCall, place_text
 
@@ -66,6 +68,8 @@ def _angles(count: int, where: str, **degrees: ArrayLike) -> Floats:
 class Source:
     """A source at a fixed position.  Its paths are computed once.  Calls with 300 or more listeners build a source field if cheaper.
 
+    Later calls of as many listeners use that field; smaller ones do not, so that a result depends on the arguments of its call alone.
+
     >>> source = Scene("shoebox:6x3x5", preset="fast", settings={"rir_length_s": 0.2}).source([2, 1.5, 2])
     >>> source.render([[4, 1.5, 2], [3, 1.2, 4]], [0, 90], channels="mono").shape
     (2, 1, 3200)
@@ -74,11 +78,13 @@ class Source:
     def __init__(self, scene: Scene, position: Floats, pattern: str, heading_deg: float, pitch_deg: float, radius_m: float) -> None:
         self.scene = scene
         self._recipe = (position, pattern, heading_deg, pitch_deg, radius_m)
+        self._files = pattern_files(pattern)
         x, y, z = position.tolist()
         self._model = _engine.SourceModel(scene._model, x, y, z, pattern, heading_deg, pitch_deg, radius_m)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Source, (self.scene, *self._recipe)
+        position, pattern, *rest = self._recipe
+        return _source_of, (self.scene, self._files, position, with_absolute_path(pattern, self._files), *rest)
 
     def __copy__(self) -> Source:
         return self
@@ -361,6 +367,13 @@ def _scene_of(key: tuple[Any, ...]) -> Scene:
     if scene._model.hash != content:
         raise InputError(f"{scene.name}: has changed since the scene was pickled; pickle it again")
     return scene
+
+
+def _source_of(scene: Scene, files: Files, *recipe: Any) -> Source:
+    """The source of a recipe; refuses a balloon that has changed since it was pickled."""
+    source = Source(scene, *recipe)
+    require_same(files, source._files, "the source was pickled")
+    return source
 
 
 def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0) -> Metrics:

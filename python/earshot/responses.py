@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import _arguments as check
 from . import _engine
+from ._files import Files, channel_files, require_same, with_absolute_path
 from ._results import Arrivals, Floats, Metrics
 
 if TYPE_CHECKING:
@@ -25,19 +26,25 @@ def place_text(position: Floats) -> str:
 class ResponseCall:
     """The responses of one call.  Whether they share a field depends on their number, so they are made together."""
 
-    def __init__(self, source: Source, listeners: Floats, channels: str, threads: int = 0) -> None:
+    def __init__(self, source: Source, listeners: Floats, channels: str, threads: int = 0, files: Files | None = None) -> None:
+        """files: those of the channels when the call was pickled; others are refused."""
         self.source = source
         self.listeners = listeners
         self.channels = channels
         self.threads = threads
+        self._files = channel_files(channels)
+        if files is not None:
+            require_same(files, self._files, "the response was pickled")
         self._models: list[_engine.ResponseModel] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ResponseCall, (self.source, self.listeners, self.channels, self.threads)
+        channels = with_absolute_path(self.channels, self._files)
+        return ResponseCall, (self.source, self.listeners, channels, self.threads, self._files)
 
     def models(self) -> list[_engine.ResponseModel]:
         if self._models is None:
             self._models = self.source._model.respond(self.listeners, self.channels, self.threads)
+            require_same(self._files, channel_files(self.channels), "the response was asked for")
         return self._models
 
 

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Batches of environments: arrays on the engine's own memory.
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "earshot/env.h"
 #include "python/src/running_batch.h"
@@ -203,6 +205,12 @@ void bind_state(BatchClass& batch) {
       "env"_a, "state"_a);
   batch.def("save_state", [](const BatchHandle& self) {
     return bytes_of(look(self, "Batch.save_state", [](const VectorEnv& env) { return env.save_state(); }));
+  });
+  batch.def("input_files", [](const BatchHandle& self) {
+    std::vector<std::pair<std::string, std::uint64_t>> pairs;
+    const auto files = call(self, "Batch.input_files", [](RunningBatch& running) { return running.env->input_files(); });
+    for (const InputFile& file : files) pairs.emplace_back(file.name, file.hash);
+    return pairs;
   });
   batch.def(
       "restore_state",

@@ -4,12 +4,14 @@
 
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "python/src/interruptible.h"
 
@@ -120,10 +122,19 @@ std::vector<Response> respond_all(const Source& source, const Numbers& positions
   });
 }
 
+/// Path and hash of each file.
+std::vector<std::pair<std::string, std::uint64_t>> files_of(const std::string& channels) {
+  std::vector<std::pair<std::string, std::uint64_t>> pairs;
+  for (const InputFile& file : interruptible([channels](const std::stop_token&) { return files_of_channels(channels); }))
+    pairs.emplace_back(file.name, file.hash);
+  return pairs;
+}
+
 }  // namespace
 
 void bind_scene(nb::module_& m) {
   using namespace nb::literals;
+  m.def("files_of_channels", &files_of, "channels"_a);
   nb::class_<Scene>(m, "SceneModel")
       .def(
           "__init__",

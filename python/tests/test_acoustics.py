@@ -3,7 +3,9 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
+import pickle
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import earshot
+from earshot import _engine
 
 ROOM = "shoebox:6x3x5"
 
@@ -238,3 +241,40 @@ def test_what_is_odd_about_a_scene_is_warned_of(tmp_path: Path) -> None:
     assert not any("up axis" in line for line in turned.warnings)
     with pytest.raises(earshot.InputError, match="up"):
         earshot.Scene(str(file), up="x")
+
+
+def test_a_result_follows_from_the_arguments_of_its_call_alone() -> None:
+    """A call of 300 listeners takes a source field where that is cheaper.  What calls before took changes no call."""
+    settings = {"rir_length_s": 0.1, "rays": 2048, "field_photons": 20_000}
+    scene = earshot.Scene("house:1,rooms=3,area_m2=36", preset="fast", settings=settings)
+    source_place, *listeners = scene.random_positions(301, seed=3)
+    many = np.stack(listeners)
+    fresh = scene.source(source_place)
+    one, response, few = fresh.render(many[0]), fresh.response(many[0]), fresh.render(many[:9])
+    used = scene.source(source_place)
+    all_rirs = used.render(many)
+    assert not np.array_equal(all_rirs[0], one), "the large call takes no field: the test shows nothing"
+    assert np.array_equal(used.render(many[0]), one)
+    assert np.array_equal(used.render(many[:9]), few)
+    again = used.response(many[0])
+    assert np.array_equal(again.late, response.late)
+    assert np.array_equal(pickle.loads(pickle.dumps(again)).late, again.late)
+    assert np.array_equal(used.render(many), all_rirs)
+    whole = used.responses(many)
+    assert np.array_equal(pickle.loads(pickle.dumps(whole[7])).late, whole[7].late)
+
+
+def test_a_finished_field_is_used_while_another_is_built() -> None:
+    settings = {"rir_length_s": 0.2, "field": "on", "field_photons": 32_768, "rays": 256}
+    scene = earshot.Scene("house:1,rooms=3,area_m2=36", preset="fast", settings=settings)
+    place, listener = scene.random_positions(2, seed=3)
+    source = scene.source(place)
+    expected = source.render(listener, channels="mono")
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        building = pool.submit(source.render, listener, channels="ambisonic:3")
+        while _engine.wait_until_idle(0):
+            time.sleep(0.001)
+        for _ in range(3):
+            assert np.array_equal(source.render(listener, channels="mono"), expected)
+        assert not building.done(), "a finished field waits for another, or the other took too little time to tell"
+        assert np.array_equal(building.result(), source.render(listener, channels="ambisonic:3"))

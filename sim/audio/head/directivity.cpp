@@ -43,10 +43,12 @@ std::shared_ptr<const Directivity> Directivity::named(std::string_view name) {
   for (const Named& entry : kFirstOrder)
     if (entry.name == name) return first_order(entry.omni_weight);
   if (name == "voice") return voice();
-  if (name.ends_with(".json") || name.ends_with(".yaml") || name.ends_with(".yml")) return balloon(std::filesystem::path(name));
+  if (is_file(name)) return balloon(std::filesystem::path(name));
   throw InputError("directivity '" + std::string(name) + "'", "is not a known pattern",
                    "use omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice or a balloon file (.json, .yaml)");
 }
+
+bool Directivity::is_file(std::string_view name) { return name.ends_with(".json") || name.ends_with(".yaml") || name.ends_with(".yml"); }
 
 BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz)
     : omni_weight_(pattern ? pattern->omni_weight() : 1.f), num_frequencies_(centre_hz.size()) {

@@ -46,6 +46,8 @@ class Directivity {
   static std::vector<ConfigKey> balloon_keys();
   /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a path that ends in .json, .yaml or .yml of a balloon.
   static std::shared_ptr<const Directivity> named(std::string_view name);
+  /// Whether named() takes the name as the path of a balloon.
+  static bool is_file(std::string_view name);
 };
 
 /// A pattern ready for a set of frequencies and hot loops: first-order patterns are evaluated, others are read off a grid of 5 degrees,

@@ -25,7 +25,8 @@ constexpr float kMaxOffsetM = 10.f;
 constexpr About kMicrophonesAbout("Microphones, a channel each, in the listener's axes.");
 constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
 
-Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& folder) {
+/// files: the file of its pattern is added.
+Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& folder, std::vector<std::filesystem::path>& files) {
   Microphone microphone;
   std::vector<float> position;
   std::string pattern;
@@ -49,6 +50,7 @@ Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& fo
   if (has_pattern) {
     const bool is_file = std::filesystem::path(pattern).has_extension();
     microphone.directivity = Directivity::named(is_file ? (folder / pattern).string() : pattern);
+    if (is_file) files.push_back(folder / pattern);
   }
   constexpr double degree = std::numbers::pi / 180.0;
   microphone.orientation = glm::quat(ListenerOrientation(azimuth_deg * degree, elevation_deg * degree, roll_deg * degree).local_to_world());
@@ -95,7 +97,11 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
   const std::size_t colon = text.find(':');
   const std::string_view kind = text.substr(0, colon);
   std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);
-  if (kind == "mono") return rest.empty() ? ListenerLayout(ChannelLayout::mono) : mono(Directivity::named(rest));
+  if (kind == "mono") {
+    ListenerLayout layout = rest.empty() ? ListenerLayout(ChannelLayout::mono) : mono(Directivity::named(rest));
+    if (Directivity::is_file(rest)) layout.files.emplace_back(rest);
+    return layout;
+  }
   if (kind == "binaural" && rest.empty()) return ChannelLayout::binaural;
   if (kind == "array" && !rest.empty()) return from_file(std::filesystem::path(rest));
   if (kind != "ambisonics" && kind != "ambisonic") throw refuse("is not a known layout");
@@ -132,14 +138,18 @@ ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
   if (maps.empty() || maps.size() > kMaxMicrophones)
     reader.fail("microphones", fmt::format("has {} entries instead of 1 to {}", maps.size(), kMaxMicrophones));
   std::vector<Microphone> microphones;
-  for (ConfigReader& map : maps) microphones.push_back(read_microphone(map, path.parent_path()));
+  std::vector<std::filesystem::path> files{path};
+  for (ConfigReader& map : maps) microphones.push_back(read_microphone(map, path.parent_path(), files));
   if (const auto name = repeated_name(microphones)) reader.fail("microphones", fmt::format("have the name '{}' twice", *name));
-  return array(std::move(microphones));
+  ListenerLayout layout = array(std::move(microphones));
+  layout.files = std::move(files);
+  return layout;
 }
 
 std::vector<ConfigKey> ListenerLayout::keys() {
   ConfigReader describer = ConfigReader::describer();
-  for (ConfigReader& map : describer.children("microphones", kMicrophonesAbout)) read_microphone(map, {});
+  std::vector<std::filesystem::path> files;
+  for (ConfigReader& map : describer.children("microphones", kMicrophonesAbout)) read_microphone(map, {}, files);
   return describer.described();
 }
 

@@ -38,7 +38,8 @@ struct ListenerLayout {
   int order = 1;  ///< ambisonics, [0, 9]
   HarmonicNorm norm = HarmonicNorm::n3d;
   HarmonicAxes axes = HarmonicAxes::world;
-  std::vector<Microphone> microphones;  ///< array, [1, 256], each within 10 m
+  std::vector<Microphone> microphones;         ///< array, [1, 256], each within 10 m
+  std::vector<std::filesystem::path> files{};  ///< that it was read from: of an array and of patterns
 
   static ListenerLayout ambisonics(int order, HarmonicNorm norm = HarmonicNorm::n3d, HarmonicAxes axes = HarmonicAxes::world);
   static ListenerLayout array(std::vector<Microphone> microphones);

@@ -252,6 +252,21 @@ TEST(ApiScene, ARequestToStopEndsACallAndTheNextOneIsWhole) {
   EXPECT_THROW((void)source.render_all(listeners, {.threads = -1}), InputError);
 }
 
+TEST(ApiScene, AResultFollowsFromTheArgumentsOfItsCallAlone) {
+  const api::Scene scene("house:1,rooms=3,area_m2=36",
+                         {.preset = "fast", .settings = {{"rir_length_s", 0.1}, {"rays", 2048}, {"field_photons", 20'000}}});
+  const std::vector<api::Vec3> places = scene.random_positions(301, {.seed = 3});
+  std::vector<api::Listener> listeners;
+  for (std::size_t i = 1; i < places.size(); ++i) listeners.push_back({.position = places[i]});
+  const api::Source fresh = scene.source(places[0]), used = scene.source(places[0]);
+  const api::Rir alone = fresh.render(places[1]);
+  const std::vector<api::Rir> all = used.render_all(listeners);
+  ASSERT_NE(all[0].samples, alone.samples) << "the large call takes no field: the test shows nothing";
+  EXPECT_EQ(used.render(places[1]).samples, alone.samples);
+  EXPECT_EQ(used.render_all(listeners)[0].samples, all[0].samples);
+  EXPECT_EQ(fresh.render_all(listeners)[0].samples, all[0].samples);
+}
+
 TEST(ApiScene, DirectSoundOfASilentRoomIsThatOfTheOpenField) {
   // Walls that absorb all: pressure 1 / (4 pi r) at time r / c.
   const api::Scene scene("shoebox:8x4x8@1", {.preset = "fast", .settings = {{"air_absorption", false}}});
