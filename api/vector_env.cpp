@@ -46,6 +46,8 @@ std::unique_ptr<VectorEnv::Model> make_batch(const Config& config, const VectorE
   return model;
 }
 
+RecvOrder order_of(bool as_sent) { return as_sent ? RecvOrder::as_sent : RecvOrder::as_ready; }
+
 EpisodeResult result_of(const FinishedEpisode& episode) {
   const EpisodeMetrics& m = episode.metrics;
   return {.env = episode.env,
@@ -82,8 +84,10 @@ void VectorEnv::reset() { model_->env.reset(); }
 void VectorEnv::reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds) { model_->env.reset(mask, seeds); }
 void VectorEnv::step(std::span<const std::int32_t> actions) { model_->env.step(actions); }
 void VectorEnv::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) { model_->env.send(envs, actions); }
+void VectorEnv::wait_ready(int min_ready, bool as_sent) { model_->env.wait_ready(min_ready, order_of(as_sent)); }
+bool VectorEnv::works_in_background() const { return model_->env.works_in_background(); }
 std::vector<std::int32_t> VectorEnv::recv(int min_ready, bool as_sent) {
-  const std::span<const std::int32_t> ready = model_->env.recv(min_ready, as_sent ? RecvOrder::as_sent : RecvOrder::as_ready);
+  const std::span<const std::int32_t> ready = model_->env.recv(min_ready, order_of(as_sent));
   return {ready.begin(), ready.end()};
 }
 

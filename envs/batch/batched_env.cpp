@@ -122,6 +122,8 @@ void BatchedEnv::reset() { impl_->scheduler.reset(); }
 void BatchedEnv::reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds) { impl_->scheduler.reset(mask, seeds); }
 void BatchedEnv::step(std::span<const std::int32_t> actions) { impl_->scheduler.step(actions); }
 void BatchedEnv::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) { impl_->scheduler.send(envs, actions); }
+void BatchedEnv::wait_ready(int min_ready, RecvOrder order) { impl_->scheduler.wait_ready(min_ready, order); }
+bool BatchedEnv::works_in_background() const { return impl_->scheduler.workers().is_busy() || impl_->setup.scenes->loads_ahead(); }
 std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) { return impl_->scheduler.recv(min_ready, order); }
 std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
   return impl_->scheduler.begin(env, episode_index, episode_count);

@@ -95,6 +95,8 @@ class BatchedEnv {
   /// Begins a step of these envs and returns: they are under way until recv() hands them back, and their rows must not be read.  envs [n],
   /// actions [n * agents]; with config.threads threads in the background.  An env under way cannot be sent.
   void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
+  /// Waits until recv() with these arguments would not wait; hands nothing back.  Throws as recv().
+  void wait_ready(int min_ready, RecvOrder order = RecvOrder::as_ready);
   /// Waits until at least min_ready envs under way are done, and hands back all that are (as_ready) or the first min_ready sent (as_sent):
   /// by ascending number, valid until the next call.  finished() then holds their episodes.
   std::span<const std::int32_t> recv(int min_ready, RecvOrder order = RecvOrder::as_ready);
@@ -126,6 +128,9 @@ class BatchedEnv {
   [[nodiscard]] const EnvSource& source(int row) const;
   /// The goals of its episode, as far as the nearest of them; refers to what the episode holds.
   [[nodiscard]] NearestGoal goal(int row) const;
+  /// Whether steps begun by send(), stages that were given up, or loads ahead (config.prefetch) go on.  From any thread, at any time,
+  /// without a lock.
+  [[nodiscard]] bool works_in_background() const;
   /// Sums since construction over all returned tasks.  May be called at any time.
   [[nodiscard]] BatchCounters counters() const;
   /// Episodes taken out of the run, by reason, and what became of their files.  At any time.

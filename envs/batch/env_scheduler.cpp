@@ -157,18 +157,24 @@ void EnvScheduler::send(std::span<const std::int32_t> envs, std::span<const std:
   workers_->submit(submitted_);
 }
 
-std::span<const std::int32_t> EnvScheduler::recv(int min_ready, RecvOrder order) {
+std::span<const std::uint32_t> EnvScheduler::awaited(int min_ready, RecvOrder order) const {
   if (min_ready < 1 || size_of(min_ready) > sent_order_.size())
     throw std::invalid_argument(
         fmt::format("BatchedEnv::recv: asked for {} environments, but {} are stepping", min_ready, sent_order_.size()));
-  clear_finished();
-  while (const auto completed = workers_->done_already()) settle(*completed);
-  const auto is_done = [&](std::uint32_t env) { return send_state_[env] == SendState::done; };
-  const auto last = order == RecvOrder::as_sent ? sent_order_.begin() + min_ready : sent_order_.end();
-  while (std::count_if(sent_order_.begin(), last, is_done) < min_ready) settle(workers_->next());
+  return std::span(sent_order_).first(order == RecvOrder::as_sent ? size_of(min_ready) : sent_order_.size());
+}
 
+void EnvScheduler::wait_ready(int min_ready, RecvOrder order) {
+  const std::span<const std::uint32_t> envs = awaited(min_ready, order);
+  while (const auto completed = workers_->done_already()) settle(*completed);
+  while (std::ranges::count_if(envs, [&](std::uint32_t env) { return is_done(env); }) < min_ready) settle(workers_->next());
+}
+
+std::span<const std::int32_t> EnvScheduler::recv(int min_ready, RecvOrder order) {
+  wait_ready(min_ready, order);
+  clear_finished();
   submitted_.clear();
-  std::copy_if(sent_order_.begin(), last, std::back_inserter(submitted_), is_done);
+  std::ranges::copy_if(awaited(min_ready, order), std::back_inserter(submitted_), [&](std::uint32_t env) { return is_done(env); });
   draw_pictures(submitted_);
   for (const std::uint32_t env : submitted_) send_state_[env] = SendState::at_rest;
   std::erase_if(sent_order_, [&](std::uint32_t env) { return !is_under_way(env); });

@@ -36,6 +36,7 @@ class EnvScheduler {
   void reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds);
   void step(std::span<const std::int32_t> actions);
   void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
+  void wait_ready(int min_ready, RecvOrder order);
   std::span<const std::int32_t> recv(int min_ready, RecvOrder order);
   std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
   /// Of all envs; the cursors have been checked (batched_env.cpp).  has_started: whether any episode had begun when they were saved.
@@ -63,6 +64,9 @@ class EnvScheduler {
     done,       ///< and not yet handed back
   };
 
+  /// The envs among which recv() counts.  Throws std::invalid_argument.
+  [[nodiscard]] std::span<const std::uint32_t> awaited(int min_ready, RecvOrder order) const;
+  [[nodiscard]] bool is_done(std::uint32_t env) const { return send_state_[env] == SendState::done; }
   void check_action(std::size_t row, std::int32_t action) const;
   /// Throws std::logic_error where the thread of a task that was given up still uses the env.
   void require_settled(std::size_t env, const char* call);

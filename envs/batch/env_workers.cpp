@@ -247,6 +247,10 @@ CompletedEnv EnvWorkers::next() {
 }
 
 std::size_t EnvWorkers::num_under_way() const { return static_cast<std::size_t>(shared_->submitted - shared_->received); }
+bool EnvWorkers::is_busy() const {
+  const auto completed = shared_->completed.load(std::memory_order_acquire);  // first: what is submitted later is not done
+  return completed != static_cast<std::uint32_t>(shared_->pushed.load(std::memory_order_acquire)) || tasks_given_up() > 0;
+}
 std::size_t EnvWorkers::num_workers() const { return shared_->workers.size(); }
 bool EnvWorkers::beat(std::size_t worker) {
   if (shared_->stage_limit_s <= 0) return true;

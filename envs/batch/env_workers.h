@@ -48,6 +48,8 @@ class EnvWorkers {
   void run_in_background();
 
   [[nodiscard]] std::size_t num_under_way() const;
+  /// Whether any task runs or waits to run, those that were given up included.  From any thread, without a lock.
+  [[nodiscard]] bool is_busy() const;
   /// Upper bound of worker numbers, replacements of stalled ones included.
   [[nodiscard]] std::size_t num_workers() const;
   /// Called by a task when it begins another stage.  False: it has been given up, and must return without touching what belongs to its

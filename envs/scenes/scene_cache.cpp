@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <array>
+#include <atomic>
 #include <bit>
 #include <condition_variable>
 #include <deque>
@@ -123,6 +124,7 @@ struct SceneCache::Impl {
   Evicted<EnvSource> evicted_sources;
   std::uint64_t clock = 0, scenes_loaded = 0, sources_built = 0;
   std::deque<Wanted> wanted;
+  std::atomic<std::size_t> num_ahead{0};  ///< of `wanted`, and under way; read without the mutex
   std::condition_variable_any wanted_changed;
   std::jthread prefetcher;
 
@@ -264,6 +266,7 @@ struct SceneCache::Impl {
       } catch (const std::exception&) {
         // The next call of source() loads again and throws the error.
       }
+      --num_ahead;
     }
   }
 };
@@ -357,10 +360,16 @@ void SceneCache::prefetch(const std::string& scene_id, glm::dvec3 goal, float so
       return;
     }
   if (!in.prefetcher.joinable()) in.prefetcher = std::jthread([this](const std::stop_token& stop) { impl_->prefetch_until(stop, *this); });
-  if (in.wanted.size() >= kMaxPrefetches) in.wanted.pop_front();
+  if (in.wanted.size() >= kMaxPrefetches) {
+    in.wanted.pop_front();
+    --in.num_ahead;
+  }
   in.wanted.push_back({scene_id, goal, source_height_m});
+  ++in.num_ahead;
   in.wanted_changed.notify_one();
 }
+
+bool SceneCache::loads_ahead() const { return impl_->num_ahead > 0; }
 
 const AcousticConfig& SceneCache::acoustics() const { return impl_->acoustics; }
 

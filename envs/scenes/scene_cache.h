@@ -50,6 +50,9 @@ class SceneCache {
   /// Loads the same in a background thread, so that source() finds it.  Returns at once; errors wait for source().
   void prefetch(const std::string& scene_id, glm::dvec3 goal, float source_height_m);
 
+  /// Whether what prefetch() asked for is not yet loaded.  From any thread, without a lock.
+  [[nodiscard]] bool loads_ahead() const;
+
   [[nodiscard]] const AcousticConfig& acoustics() const;
   [[nodiscard]] std::size_t num_scenes() const;       ///< held now
   [[nodiscard]] std::uint64_t scenes_loaded() const;  ///< since construction

@@ -100,10 +100,15 @@ class VectorEnv {
   /// @param envs     [n], each at most once.
   /// @param actions  [n * num_agents].
   void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
+  /// Waits until recv() with these arguments would not wait.  Hands nothing back: a caller that gives up the wait loses nothing.
+  void wait_ready(int min_ready, bool as_sent = false);
   /// Waits until at least `min_ready` envs are done and hands them back, by ascending number.
   /// @param min_ready  [1, envs under way].
   /// @param as_sent    the first that were sent, the same in every run; else all that are done.
   std::vector<std::int32_t> recv(int min_ready, bool as_sent = false);
+
+  /// Whether steps begun by send() or loads of coming episodes go on.  From any thread, at any time, without a lock.
+  [[nodiscard]] bool works_in_background() const;
 
   [[nodiscard]] int num_envs() const;
   [[nodiscard]] int num_agents() const;           ///< of each env

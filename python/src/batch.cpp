@@ -103,12 +103,16 @@ std::string text_of(const nb::bytes& bytes) { return {bytes.c_str(), bytes.size(
 
 using BatchClass = nb::class_<BatchHandle>;
 
+/// Of a wait that a signal ends nothing is handed back: the envs stay under way, for the next recv().
 Array<std::int32_t> receive(const BatchHandle& handle, int min_ready, bool as_sent) {
-  std::vector<std::int32_t> ready = call(handle, "Batch.recv", [=](RunningBatch& batch) {
-    if (batch.ready.empty()) batch.ready = batch.env->recv(min_ready, as_sent);
-    return batch.ready;
-  });
-  handle.batch->ready.clear();
+  const Entered entered(handle, "Batch.recv");
+  entered.call([=](RunningBatch& batch) { batch.env->wait_ready(min_ready, as_sent); });
+  std::vector<std::int32_t> ready;
+  {
+    const RunningCall running;
+    const nb::gil_scoped_release released;
+    ready = handle.batch->env->recv(min_ready, as_sent);
+  }
   const std::size_t count = ready.size();
   return array_of(std::move(ready), {count});
 }

@@ -26,8 +26,9 @@ Array<T> array_of(std::vector<T> values, std::initializer_list<std::size_t> shap
   return Array<T>(owned->data(), shape.size(), shape.begin(), owner);
 }
 
-/// Each adds its classes to the module.
+/// Each adds its classes to the module; bind_forks() the functions that python/earshot/_runtime.py registers.
 void bind_errors(nb::module_& m);
+void bind_forks(nb::module_& m);
 void bind_scene(nb::module_& m);
 void bind_response(nb::module_& m);
 void bind_batch(nb::module_& m);

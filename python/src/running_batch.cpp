@@ -3,21 +3,14 @@
 
 #include <unistd.h>
 
-#include <chrono>
-#include <string>
-
 #include "earshot/errors.h"
 
 namespace earshot::python {
-namespace {
 
-constexpr std::chrono::milliseconds kBetweenLooks{50};  // at signals
-
-}  // namespace
-
-RunningBatch::RunningBatch(VectorEnv made) : env(std::make_unique<VectorEnv>(std::move(made))), process_(getpid()) {}
+RunningBatch::RunningBatch(VectorEnv made) : env(std::make_unique<VectorEnv>(std::move(made))), process_(getpid()) { begin_watch(); }
 
 RunningBatch::~RunningBatch() {
+  end_watch();
   if (process_ != getpid()) static_cast<void>(env.release());
 }
 
@@ -28,12 +21,15 @@ std::uint64_t RunningBatch::enter(const char* function) {
     {
       const nb::gil_scoped_release released;
       std::unique_lock lock(mutex_);
-      if (is_inside_ && is_abandoned_) left_.wait_for(lock, kBetweenLooks, [this] { return !is_inside_; });
+      if (is_inside_ && is_abandoned_) left_.wait_for(lock, kBetweenSignalChecks, [this] { return !is_inside_; });
       if (!is_inside_) {
         is_inside_ = true;
         is_abandoned_ = false;
+        caller_ = std::this_thread::get_id();
         return ++calls_;
       }
+      if (!is_abandoned_ && caller_ == std::this_thread::get_id())
+        throw RunError(function, "a signal handler called it amid a call of this batch; a batch takes one caller at a time");
       if (!is_abandoned_) throw RunError(function, "another thread is in a call of this batch; a batch takes one caller at a time");
     }
     if (PyErr_CheckSignals() != 0) throw nb::python_error();

@@ -11,6 +11,7 @@
 #include "envs/config/batch_config.h"
 #include "sim/base/random.h"
 #include "tests/support/files/test_files.h"
+#include "tests/support/wait_for_flag.h"
 
 namespace earshot {
 namespace {
@@ -185,6 +186,36 @@ TEST(ApiEpisodes, WrongInputIsRefused) {
   options.settings.set("filter.max_tries", 5);
   EXPECT_FALSE(message_of<InputError>([&] { (void)api::EpisodeSet::generate(options); }).empty());
   EXPECT_THAT(message_of<InputError>([] { (void)api::EpisodeSet::load("no_such.json"); }), HasSubstr("no_such.json"));
+}
+
+TEST(ApiVectorEnv, AWaitForStepsHandsNothingBack) {
+  api::VectorEnv waited(api::Config::from_text(kBatchYaml), 3), expected(api::Config::from_text(kBatchYaml), 3);
+  const std::vector<std::int32_t> envs{2, 0, 1};
+  for (api::VectorEnv* batch : {&waited, &expected}) batch->reset();
+  for (int step = 0; step < 12; ++step) {
+    const bool as_sent = step % 2 == 1;
+    for (api::VectorEnv* batch : {&waited, &expected}) batch->send(envs, actions_of(step, 3));
+    waited.wait_ready(1 + step % 3, as_sent);
+    waited.wait_ready(3, as_sent);
+    EXPECT_THROW(waited.send(std::vector<std::int32_t>{0}, actions_of(step, 1)), std::logic_error) << "still under way";
+    EXPECT_THROW(waited.reset(), std::logic_error);
+    EXPECT_THROW(waited.wait_ready(4, as_sent), std::invalid_argument);
+    EXPECT_EQ(waited.recv(3, as_sent), expected.recv(3, as_sent));
+    EXPECT_EQ(waited.finished().size(), expected.finished().size());
+    for (const api::SensorInfo& sensor : expected.sensors())
+      EXPECT_TRUE(same_bytes(waited.rows(sensor.name), expected.rows(sensor.name))) << sensor.name << ", step " << step;
+    EXPECT_THROW(waited.wait_ready(1, as_sent), std::invalid_argument) << "nothing is under way";
+  }
+}
+
+TEST(ApiVectorEnv, BackgroundWorkEndsByItself) {
+  api::VectorEnv batch(api::Config::from_text(kBatchYaml), 3);
+  batch.reset();
+  batch.send(std::vector<std::int32_t>{0, 1, 2}, actions_of(0, 3));
+  EXPECT_TRUE(wait_until([&] { return !batch.works_in_background(); }));
+  EXPECT_EQ(batch.recv(3).size(), 3u) << "and stays to be received";
+  batch.step(actions_of(1, 3));
+  EXPECT_TRUE(wait_until([&] { return !batch.works_in_background(); }));
 }
 
 }  // namespace
