@@ -11,6 +11,10 @@ Batches of audio-visual navigation environments, as a ``gymnasium.vector.VectorE
 
     envs = earshot.make_vec({"episodes": {"scenes": ["house:1"], "sounds": ["synth:telephone"]}}, num_envs=8)
 
+A trained agent, without torch::
+
+    actions = earshot.Policy.load("configs/policies/quick.policy").act(observations)
+
 One environment is ``earshot.make(config)``, a ``gymnasium.Env``.  The shipped tasks and benchmarks have ids::
 
     envs = gymnasium.make_vec("earshot/AudioGoal-v0", num_envs=8)
@@ -30,6 +34,7 @@ from . import (
 from ._configs import Config, packaged_configs
 from ._engine import InputError, RunError, __version__
 from .acoustics import AccuracyChoice, AccuracyPlan, Arrivals, EffectDecision, Metrics, Response, Scene, Source, measure
+from .policy import Policy
 from .registration import register_envs, register_when_imported
 
 if TYPE_CHECKING:
@@ -44,6 +49,7 @@ __all__ = [
     "EffectDecision",
     "InputError",
     "Metrics",
+    "Policy",
     "Response",
     "RunError",
     "Scene",
