@@ -81,7 +81,7 @@ torch::Tensor features_of(const SensorSpec& sensor, const torch::Tensor& rows) {
 }  // namespace
 
 ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig& config)
-    : sensors_(sensor_table(spec, 1)), config_(config) {
+    : PolicyNetworkImpl(config), sensors_(sensor_table(spec, 1)) {
   std::erase_if(sensors_, [](const SensorSpec& sensor) { return is_for_learner(sensor.kind); });
   if (sensors_.empty()) throw InputError("sensors", "are all off, so the policy has no input", "switch on depth, spectrogram or pointgoal");
   int features = 0;
@@ -111,10 +111,7 @@ ActorCriticImpl::ActorCriticImpl(const ObservationSpec& spec, const PolicyConfig
     critic_hidden_ = register_module("critic_hidden", torch::nn::Linear(config.hidden_size + kGuideFeatures, kGuidedWidth));
   critic_ = register_module("critic", torch::nn::Linear(config.guided_critic ? kGuidedWidth : config.hidden_size, 1));
   if (config.goal_heads) goal_ = register_module("goal", torch::nn::Linear(config.hidden_size, kGoalOutputs));
-  if (config.normalize_values) {
-    value_mean_ = register_buffer("value_mean", torch::zeros({1}));
-    value_deviation_ = register_buffer("value_deviation", torch::ones({1}));
-  }
+  register_value_scale();
   initialize_weights();
   const torch::NoGradGuard no_gradient;
   actor_->bias[static_cast<std::int64_t>(Action::stop)] = config.initial_stop_logit;
@@ -156,10 +153,6 @@ torch::Tensor ActorCriticImpl::encode(const ObservationTensors& observations) {
   return features.size() == 1 ? features[0] : torch::cat(features, 1);
 }
 
-PolicyOutput ActorCriticImpl::step(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done) {
-  return sequence(observations, hidden, not_done.unsqueeze(0));
-}
-
 PolicyOutput ActorCriticImpl::sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done) {
   const std::int64_t T = not_done.size(0), B = not_done.size(1);
   const torch::Tensor features = encode(observations);  // [T * B, features]
@@ -182,25 +175,10 @@ torch::Tensor ActorCriticImpl::values_of(const torch::Tensor& states, const torc
     value = critic_->forward(critic_hidden_->forward(torch::cat({states, guide_features(goal_state)}, 1)).relu_());
   else
     return torch::zeros({states.size(0)});
-  value = value.squeeze(1);
-  return config_.normalize_values ? value * value_deviation() + value_mean() : value;
+  return scaled_value(value.squeeze(1));
 }
 
-void ActorCriticImpl::set_value_scale(double mean, double deviation) {
-  EARSHOT_EXPECT(config_.normalize_values && deviation > 0);
-  const torch::NoGradGuard no_gradient;
-  const double ratio = value_deviation() / deviation;
-  critic_->weight.mul_(ratio);
-  critic_->bias.mul_(ratio).add_((value_mean() - mean) / deviation);
-  value_mean_.fill_(mean);
-  value_deviation_.fill_(deviation);
-}
-
-std::int64_t ActorCriticImpl::num_parameters() const {
-  std::int64_t count = 0;
-  for (const torch::Tensor& parameter : parameters()) count += parameter.numel();
-  return count;
-}
+void ActorCriticImpl::set_value_scale(double mean, double deviation) { move_value_scale(mean, deviation, critic_->weight, critic_->bias); }
 
 std::string ActorCriticImpl::architecture() const {
   std::string line = "actor-critic v1:";

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string>
 
 namespace earshot {
 
 class ConfigReader;
+
+/// Of a file PolicyConfig::module.
+inline constexpr std::size_t kMaxModuleBytes = std::size_t{1} << 30;
 
 /// Sizes of the network; the defaults are docs/reference/formats.md, section 6.5 (4,952,453 parameters with 128 x 128 depth and 65 x 26 x 2
 /// spectrograms).
@@ -25,6 +30,9 @@ struct PolicyConfig {
   bool goal_heads = false;  ///< further outputs that learn to say where the goal is (PolicyOutput::goal)
   /// The critic learns returns in units of their running mean and deviation (PopArt, van Hasselt et al. 2016).
   bool normalize_values = false;
+  /// TorchScript file of a network in place of the built-in one (module_policy.h), which then has no use for the sizes above; empty: the
+  /// built-in one.
+  std::string module = {};
 };
 void read(ConfigReader& reader, PolicyConfig& config);
 /// Throws InputError naming the key, its value and the rule.

@@ -29,11 +29,8 @@ RunConfig run_config_of(const Policy::Model& model) {
 }
 
 /// The network of this policy with its weights.
-ActorCritic network_of(const Policy::Model& model, const ObservationSpec& observation) {
-  ActorCritic network(observation, run_config_of(model).policy);
-  load_weights(network, model.checkpoint, model.where);
-  network->eval();
-  return network;
+PolicyNetwork network_of(const Policy::Model& model, const ObservationSpec& observation) {
+  return earshot::network_of(model.checkpoint, observation, run_config_of(model).policy, model.where);
 }
 
 }  // namespace
@@ -47,12 +44,13 @@ Policy Policy::load(const std::filesystem::path& path) {
 Policy Policy::untrained(const Config& run) {
   use_one_torch_thread();
   const RunConfig config = parse_run_config(run.yaml, run.where, run.overrides.texts());
-  const ActorCritic network(config.env.observation, config.policy);
+  const PolicyNetwork network = make_policy(config.env.observation, config.policy);
   Checkpoint checkpoint;
   checkpoint.config_yaml = earshot::config_text(config);
   checkpoint.architecture = network->architecture();
   checkpoint.seed = config.seed;
   checkpoint.weights = weights_of(network);
+  checkpoint.module = network->module_file();
   return Policy(std::make_shared<const Model>(Model{policy_of(checkpoint, WeightStorage::float32), run.where}));
 }
 

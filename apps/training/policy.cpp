@@ -14,7 +14,7 @@ namespace earshot {
 namespace {
 
 struct PolicyArguments {
-  std::string agent, out, json;
+  std::string agent, out, json, module;
   bool float16 = false, config = false;
 };
 
@@ -25,6 +25,10 @@ void run_policy(const PolicyArguments& options) {
   if (options.config) {
     fmt::print("{}", checkpoint.config_yaml);
     return;
+  }
+  if (!options.module.empty()) {
+    if (!checkpoint.module) throw InputError(path.string(), "has the built-in network, not a module", "leave out --module");
+    write_file_atomically(options.module, *checkpoint.module);
   }
   if (!options.json.empty()) write_file_atomically(options.json, policy_json(checkpoint, path.string()));
   if (options.out.empty()) {
@@ -45,7 +49,11 @@ void add_policy(CLI::App& app) {
   auto* out =
       command->add_option("--out", options->out, "Policy file to write (weights and config) for 'earshot eval'")->type_name(kOutputFile);
   command->add_flag("--float16", options->float16, "Store weights as float16 (half the size, relative error at most 2^-11)");
-  command->add_flag("--config", options->config, "Print the agent's config (YAML), a starting point for fine-tuning")->excludes(out);
+  auto* module = command->add_option("--module", options->module, "Also write the TorchScript file of the agent's network (policy.module)")
+                     ->type_name(kOutputFile);
+  command->add_flag("--config", options->config, "Print the agent's config (YAML), a starting point for fine-tuning")
+      ->excludes(out)
+      ->excludes(module);
   command->add_option("--json", options->json, "Also write the description to this JSON file")->type_name(kOutputFile);
   command->footer(
       "To fine-tune the agent, set `initial_policy: FILE` in a run config (configs/train/finetune.yaml, docs/explanation/agent.md).");

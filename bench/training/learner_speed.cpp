@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "policy/action_distribution.h"
+#include "policy/actor_critic.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/stopwatch.h"
@@ -70,6 +71,8 @@ struct LearnerSpeedTest::State {
 };
 
 LearnerSpeedTest::LearnerSpeedTest(const RunConfig& config) {
+  require(config.policy.module.empty(), "policy.module", config.policy.module,
+          "cannot be measured: the counts are those of the built-in network");
   use_one_torch_thread();
   state_ = std::make_unique<State>(config);
 }
@@ -183,7 +186,7 @@ TrainingSpeed measure_training(const RunConfig& asked, double wall_s, const std:
   EnvConfig env_config = config.env;
   env_config.observation = training_sensors(config);
   BatchedEnv env(env_config, set, make_scene_cache(config.env), config.envs_per_worker);
-  ActorCritic policy(config.env.observation, config.policy);
+  const PolicyNetwork policy = make_policy(config.env.observation, config.policy);
   PpoLearner learner(policy, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m));
   RolloutCollector collector(rollout_config(config), env, policy, 0);
   const auto alone = make_single_worker();

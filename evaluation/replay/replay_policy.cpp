@@ -12,9 +12,7 @@ namespace earshot {
 PolicyObserver observe_with_policy(const std::filesystem::path& path, const RunConfig& config) {
   use_one_torch_thread();
   const Checkpoint checkpoint = load_checkpoint(path);
-  ActorCritic policy(config.env.observation, config.policy);
-  load_weights(policy, checkpoint, path.string());
-  policy->eval();
+  const PolicyNetwork policy = network_of(checkpoint, config.env.observation, config.policy, path.string());
   const auto actor = std::make_shared<Actor>(policy, 0, 1);
   return {.judge =
               [actor](const BatchedEnv& env) {

@@ -62,7 +62,7 @@ class SplitEvaluation : public HeldOutEvaluator {
 
   [[nodiscard]] const std::string& identity() const override { return identity_; }
 
-  [[nodiscard]] std::optional<HeldOutScores> evaluate(const ActorCritic& policy, Collective& collective) override {
+  [[nodiscard]] std::optional<HeldOutScores> evaluate(const PolicyNetwork& policy, Collective& collective) override {
     const auto [rank, world_size] = collective.identity();
     evaluation_.part = EvaluationPart{.part = rank, .parts = world_size, .on_step = [&collective] {
                                         collective.note_progress();
@@ -78,7 +78,7 @@ class SplitEvaluation : public HeldOutEvaluator {
 
  private:
   /// Seconds, then the rows of this worker: first those of the likeliest actions, then those of sampled ones.
-  std::string run_part(const ActorCritic& policy) {
+  std::string run_part(const PolicyNetwork& policy) {
     const Stopwatch watch;
     if (!evaluation_.scenes) evaluation_.scenes = make_scene_cache(env_);
     std::string rows;

@@ -15,7 +15,7 @@
 
 namespace earshot {
 
-EvaluationResult evaluate_policy(const ActorCritic& policy, const EnvConfig& env_config, ActionChoice actions,
+EvaluationResult evaluate_policy(const PolicyNetwork& policy, const EnvConfig& env_config, ActionChoice actions,
                                  const EvaluationConfig& evaluation, const std::string& name) {
   std::optional<Actor> actor;
   std::vector<ActingEnv> acting;
@@ -42,9 +42,7 @@ EvaluationResult evaluate_checkpoint(const CheckpointBytes& file, const Evaluati
   const Checkpoint checkpoint = decode_checkpoint(file.bytes, where);
   const RunConfig config = config_of_checkpoint(checkpoint, where, overrides);
   const EnvConfig& env_config = evaluation.env ? *evaluation.env : config.env;
-  ActorCritic policy(env_config.observation, config.policy);
-  load_weights(policy, checkpoint, where);
-  policy->eval();
+  const PolicyNetwork policy = network_of(checkpoint, env_config.observation, config.policy, where);
 
   EvaluationResult result = evaluate_policy(policy, env_config, evaluation.actions.value_or(config.eval_actions), evaluation, config.name);
   result.toolchain = this_toolchain();

@@ -12,6 +12,8 @@
 #include <string_view>
 
 #include "evaluation/results/policy_process.h"
+#include "policy/actor_critic.h"
+#include "policy/script_module.h"
 #include "policy/torch_threads.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
@@ -41,6 +43,7 @@ void warm_up() {
   for (const SensorSpec& sensor : sensor_table(sensors, 1))
     observations.sensors.push_back({sensor.name, torch::zeros(sizes_of(sensor, {1}), scalar_type(sensor.type))});
   static_cast<void>(actor.observe(observations));
+  warm_up_script_modules();
 }
 
 /// The policy and its batch, as requests make them.
@@ -62,9 +65,7 @@ class PolicyHost {
     read(reader, env);
     reader.finish();
     const RunConfig config = parse_effective_config(checkpoint_.config_yaml, where_ + " (its config)", without_paths());
-    ActorCritic policy(env.observation, config.policy);
-    load_weights(policy, checkpoint_, where_);
-    policy->eval();
+    const PolicyNetwork policy = network_of(checkpoint_, env.observation, config.policy, where_);
     num_rows_ = json.at("rows").get<std::size_t>();
     is_argmax_ = json.at("argmax").get<bool>();
     seed_ = json.at("seed").get<std::uint64_t>();
@@ -156,7 +157,8 @@ void serve(FrameChannel& channel, bool can_open_files) {
 
 /// Of libtorch too, which says so by an exception of its own.
 bool is_out_of_memory(std::string_view message) {
-  return message.find("allocate memory") != std::string_view::npos || message.find("not enough memory") != std::string_view::npos;
+  const auto says = [&](std::string_view words) { return message.find(words) != std::string_view::npos; };
+  return says("allocate memory") || says("not enough memory") || says("bad_alloc");
 }
 
 }  // namespace

@@ -99,8 +99,12 @@ struct PolicyProcess::Impl {
   [[noreturn]] void refuse(std::string text) {
     child.end();
     text = printable(text);
-    if (text.starts_with(where + ": ")) text.erase(0, where.size() + 2);
-    throw InputError(where, text, kRemedy);
+    std::string place = where;  // or a part of it: "FILE (its module)"
+    if (const std::size_t colon = text.find(": ", where.size()); text.starts_with(where) && colon != std::string::npos) {
+      place = text.substr(0, colon);
+      text.erase(0, colon + 2);
+    }
+    throw InputError(place, text, kRemedy);
   }
 
   std::string manner_of_end() {

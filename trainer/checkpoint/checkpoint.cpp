@@ -74,7 +74,7 @@ void pack_tensors(Packer& packer, const std::vector<torch::Tensor>& tensors) {
 }
 
 void pack_body(Packer& packer, const Checkpoint& checkpoint) {
-  packer.pack_map(checkpoint.held_out ? 21 : 20);
+  packer.pack_map(20u + (checkpoint.held_out ? 1u : 0u) + (checkpoint.module ? 1u : 0u));
   packer.pack("config_yaml").pack(checkpoint.config_yaml);
   packer.pack("architecture").pack(checkpoint.architecture);
   packer.pack("update").pack(checkpoint.update);
@@ -102,6 +102,9 @@ void pack_body(Packer& packer, const Checkpoint& checkpoint) {
   packer.pack("members").pack(checkpoint.members);
   packer.pack("started_workers").pack(checkpoint.started_workers);
   if (checkpoint.held_out) packer.pack("held_out").pack(encode_held_out(*checkpoint.held_out));
+  if (!checkpoint.module) return;
+  packer.pack("module");
+  pack_bytes(packer, checkpoint.module->data(), checkpoint.module->size());
 }
 
 /// Adds the tensors to what CheckpointFields reads.
@@ -121,6 +124,7 @@ class BodyReader : CheckpointFields {
     constexpr int fields_of_old = 9;  // before files said
     checkpoint.episode_window_fields = has(body, "episode_window_fields") ? value<int>(body, "episode_window_fields") : fields_of_old;
     read_members(body, checkpoint);
+    if (has(body, "module")) checkpoint.module = std::make_shared<const std::string>(bytes(field(body, "module"), "module"));
     return checkpoint;
   }
 

@@ -7,11 +7,12 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 
 namespace earshot {
@@ -29,6 +30,8 @@ struct Checkpoint : CheckpointMetadata {
   /// world_size as long as no worker was lost; empty in files of before.
   std::vector<int> members = {};
   int started_workers = 0;
+  /// TorchScript file of a network that is not the built-in one; null: the built-in one.
+  std::shared_ptr<const std::string> module = nullptr;
 };
 
 /// File: "EARSHOT\0", version, length, MessagePack body, XXH3 of the body.  Written atomically.  Tensors of float16 come back as float32.
@@ -42,21 +45,25 @@ Checkpoint load_checkpoint(const std::filesystem::path& path);
 /// are there.
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& where);
 
+/// The network of a checkpoint with its weights: the built-in one, or that of its module.  spec: what it sees; config: of its policy.
+/// Throws InputError if they do not fit.
+PolicyNetwork network_of(const Checkpoint& checkpoint, const ObservationSpec& spec, const PolicyConfig& config, const std::string& where);
+
 /// By name: parameters and buffers of the policy, as copies.
-std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy);
+std::map<std::string, torch::Tensor> weights_of(const PolicyNetwork& policy);
 /// XXH3 of their bits, by name order, going on from `start`.
 std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::uint64_t start = 0);
 /// Throws InputError naming both architectures if they differ, or what does not fit or is not finite; then nothing has changed.
-void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where);
+void load_weights(const PolicyNetwork& policy, const Checkpoint& checkpoint, const std::string& where);
 /// Adam's state by parameter name and ".step", ".exp_avg" or ".exp_avg_sq"; parameters that were never stepped are left out.
-std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
+std::map<std::string, torch::Tensor> optimizer_state_of(const PolicyNetwork& policy, torch::optim::Adam& optimizer);
 /// Puts it back: further steps have the bits of the unbroken run.  Without any state in the checkpoint Adam starts anew.  Throws InputError
 /// if it does not fit the policy; then nothing has changed.
-void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
+void load_optimizer_state(const PolicyNetwork& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint);
 
 /// Architecture, weights_of() and optimizer_state_of(); the other fields have their defaults.
-Checkpoint learner_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer);
+Checkpoint learner_state_of(const PolicyNetwork& policy, torch::optim::Adam& optimizer);
 /// load_weights(), then load_optimizer_state().
-void load_learner_state(ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where);
+void load_learner_state(const PolicyNetwork& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where);
 
 }  // namespace earshot

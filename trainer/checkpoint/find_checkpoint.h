@@ -14,7 +14,7 @@ namespace earshot {
 /// Header of a checkpoint, without its tensors.
 struct CheckpointMetadata {
   std::string config_yaml;   ///< every key of the run's config with its value, config_text()
-  std::string architecture;  ///< ActorCritic::architecture()
+  std::string architecture;  ///< PolicyNetworkImpl::architecture()
   std::uint64_t update = 0, env_steps = 0;
   std::uint64_t seed = 0;
   int world_size = 1;

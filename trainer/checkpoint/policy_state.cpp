@@ -2,6 +2,8 @@
 // The part of trainer/checkpoint/checkpoint.h that moves weights and optimizer state between tensors by name and live modules.
 #include <fmt/format.h>
 
+#include "policy/actor_critic.h"
+#include "policy/module_policy.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "trainer/checkpoint/checkpoint.h"
@@ -10,7 +12,7 @@
 namespace earshot {
 namespace {
 
-std::map<std::string, torch::Tensor> live_tensors(const ActorCritic& policy) {
+std::map<std::string, torch::Tensor> live_tensors(const PolicyNetwork& policy) {
   std::map<std::string, torch::Tensor> tensors;
   for (const auto& item : policy->named_parameters()) tensors.emplace(item.key(), item.value());
   for (const auto& item : policy->named_buffers()) tensors.emplace(item.key(), item.value());
@@ -19,7 +21,20 @@ std::map<std::string, torch::Tensor> live_tensors(const ActorCritic& policy) {
 
 }  // namespace
 
-std::map<std::string, torch::Tensor> weights_of(const ActorCritic& policy) {
+PolicyNetwork network_of(const Checkpoint& checkpoint, const ObservationSpec& spec, const PolicyConfig& config, const std::string& where) {
+  PolicyNetwork policy;
+  if (checkpoint.module)
+    policy = std::make_shared<ModulePolicyImpl>(spec, config, checkpoint.module, where + " (its module)");
+  else if (config.module.empty())
+    policy = ActorCritic(spec, config);
+  else
+    throw InputError(where, "holds no module, but its config names one, policy.module " + config.module, "leave policy.module out");
+  load_weights(policy, checkpoint, where);
+  policy->eval();
+  return policy;
+}
+
+std::map<std::string, torch::Tensor> weights_of(const PolicyNetwork& policy) {
   std::map<std::string, torch::Tensor> weights;
   for (const auto& [name, tensor] : live_tensors(policy)) weights.emplace(name, tensor.detach().clone());
   return weights;
@@ -29,12 +44,12 @@ std::uint64_t hash_of(const std::map<std::string, torch::Tensor>& weights, std::
   std::uint64_t hash = start;
   for (const auto& [name, tensor] : weights) {
     const torch::Tensor flat = tensor.contiguous();
-    hash = hash64(std::as_bytes(std::span(flat.data_ptr<float>(), static_cast<std::size_t>(flat.numel()))), hash);
+    hash = hash64(std::span(static_cast<const std::byte*>(flat.data_ptr()), flat.nbytes()), hash);
   }
   return hash;
 }
 
-void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::string& where) {
+void load_weights(const PolicyNetwork& policy, const Checkpoint& checkpoint, const std::string& where) {
   const std::string remedy = "use the config and the sensors of the training";
   if (checkpoint.architecture != policy->architecture())
     throw InputError(
@@ -57,7 +72,7 @@ void load_weights(ActorCritic& policy, const Checkpoint& checkpoint, const std::
   for (const auto& [name, tensor] : live) tensor.detach().copy_(checkpoint.weights.at(name));
 }
 
-std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer) {
+std::map<std::string, torch::Tensor> optimizer_state_of(const PolicyNetwork& policy, torch::optim::Adam& optimizer) {
   std::map<std::string, torch::Tensor> saved;
   for (const auto& item : policy->named_parameters()) {
     const auto found = optimizer.state().find(optimizer_key(item.value()));
@@ -70,7 +85,7 @@ std::map<std::string, torch::Tensor> optimizer_state_of(const ActorCritic& polic
   return saved;
 }
 
-void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint) {
+void load_optimizer_state(const PolicyNetwork& policy, torch::optim::Adam& optimizer, const Checkpoint& checkpoint) {
   const auto refuse = [](const std::string& name, const std::string& problem) {
     throw InputError("optimizer state of the checkpoint", fmt::format("'{}' {}", name, problem), "use the config of the training");
   };
@@ -101,7 +116,7 @@ void load_optimizer_state(const ActorCritic& policy, torch::optim::Adam& optimiz
   for (auto& [key, state] : states) optimizer.state().insert_or_assign(key, std::move(state));
 }
 
-Checkpoint learner_state_of(const ActorCritic& policy, torch::optim::Adam& optimizer) {
+Checkpoint learner_state_of(const PolicyNetwork& policy, torch::optim::Adam& optimizer) {
   Checkpoint learner;
   learner.architecture = policy->architecture();
   learner.weights = weights_of(policy);
@@ -109,7 +124,7 @@ Checkpoint learner_state_of(const ActorCritic& policy, torch::optim::Adam& optim
   return learner;
 }
 
-void load_learner_state(ActorCritic& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where) {
+void load_learner_state(const PolicyNetwork& policy, torch::optim::Adam& optimizer, const Checkpoint& learner, const std::string& where) {
   load_weights(policy, learner, where);
   load_optimizer_state(policy, optimizer, learner);
 }

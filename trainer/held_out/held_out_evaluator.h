@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/collective/collective.h"
 #include "trainer/held_out/held_out_state.h"
 
@@ -22,7 +22,7 @@ class HeldOutEvaluator {
   [[nodiscard]] virtual const std::string& identity() const = 0;
   /// A collective call: the workers split the episodes, and all get the scores of all, which depend neither on their number nor on threads.
   /// Nothing, on every worker, where one has got a stop signal.
-  [[nodiscard]] virtual std::optional<HeldOutScores> evaluate(const ActorCritic& policy, Collective& collective) = 0;
+  [[nodiscard]] virtual std::optional<HeldOutScores> evaluate(const PolicyNetwork& policy, Collective& collective) = 0;
 };
 
 }  // namespace earshot

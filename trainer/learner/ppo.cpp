@@ -168,7 +168,7 @@ struct PpoLearner::Rollout {
   }
 };
 
-PpoLearner::PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance, double near_m)
+PpoLearner::PpoLearner(PolicyNetwork policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance, double near_m)
     : policy_(std::move(policy)),
       config_(config),
       guidance_(guidance),

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/collective/collective.h"
 #include "trainer/learner/guidance_config.h"
 #include "trainer/learner/ppo_config.h"
@@ -70,7 +70,7 @@ struct UpdateStats {
 class PpoLearner {
  public:
   /// near_m: distance at which the goal is reached, for GuidanceConfig::goal.
-  PpoLearner(ActorCritic policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance = {}, double near_m = 1);
+  PpoLearner(PolicyNetwork policy, const PpoConfig& config, std::uint64_t seed, const GuidanceConfig& guidance = {}, double near_m = 1);
   /// progress: fraction of training done, [0, 1], for the decays.  update: its index, keys the minibatch permutation.
   /// A collective call: a sum of the gradient and an exchange of statuses for each minibatch of each epoch (fewer epochs, the same on every
   /// worker, where target_kl ends them), and two sums of statistics if normalize_advantages is on, one more with normalized values and one
@@ -87,7 +87,7 @@ class PpoLearner {
                                  UpdateStats& stats);
   double clip_and_step(double squared_sum);  // of the summed flat_gradient_, without its last element; returns the norm before clipping
 
-  ActorCritic policy_;
+  PolicyNetwork policy_;
   PpoConfig config_;
   GuidanceConfig guidance_;
   double near_m_;

@@ -8,7 +8,7 @@
 #include <span>
 
 #include "envs/sensors/observation.h"
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 
 namespace earshot {
 

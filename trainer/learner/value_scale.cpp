@@ -15,7 +15,7 @@ constexpr double kMinDeviation = 1e-2;
 
 }  // namespace
 
-void follow_returns(ActorCritic& policy, const torch::Tensor& returns, const torch::Tensor& valid, std::uint64_t update,
+void follow_returns(const PolicyNetwork& policy, const torch::Tensor& returns, const torch::Tensor& valid, std::uint64_t update,
                     Collective& collective) {
   const torch::Tensor rows = returns.masked_select(valid.logical_and(torch::isfinite(returns))).to(torch::kFloat64);
   std::array<double, 3> sums{static_cast<double>(rows.numel()), rows.sum().item<double>(), rows.square().sum().item<double>()};

@@ -61,7 +61,7 @@ ObservationTensors observation_tensors(const BatchedEnv& env) { return views(env
 
 ObservationTensors final_observation_tensors(const BatchedEnv& env) { return views(env, true); }
 
-Actor::Actor(ActorCritic policy, int first_row, int num_rows)
+Actor::Actor(PolicyNetwork policy, int first_row, int num_rows)
     : policy_(std::move(policy)),
       first_row_(first_row),
       num_rows_(num_rows),

@@ -10,7 +10,7 @@
 
 #include "envs/batch/batched_env.h"
 #include "policy/action_distribution.h"
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 
 namespace earshot {
 
@@ -28,7 +28,7 @@ ObservationTensors final_observation_tensors(const BatchedEnv& env);
 class Actor {
  public:
   /// Of rows [first_row, first_row + num_rows) of a batch: the others are not read.
-  Actor(ActorCritic policy, int first_row, int num_rows);
+  Actor(PolicyNetwork policy, int first_row, int num_rows);
 
   /// Runs the policy on the env's current observations: output().logits [B, 4], value [B].  The new hidden state waits for advance().
   const PolicyOutput& observe(const BatchedEnv& env);
@@ -56,7 +56,7 @@ class Actor {
   void restore(const torch::Tensor& hidden, const torch::Tensor& not_done);
 
  private:
-  ActorCritic policy_;
+  PolicyNetwork policy_;
   int first_row_, num_rows_;
   torch::Tensor hidden_, not_done_;
   ObservationTensors seen_;

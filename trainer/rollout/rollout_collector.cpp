@@ -18,11 +18,11 @@ std::span<const T> part_of(std::span<const T> all, int first, int count) {
 
 }  // namespace
 
-RolloutCollector::RolloutCollector(const RolloutConfig& config, BatchedEnv& env, ActorCritic policy, int first_env)
+RolloutCollector::RolloutCollector(const RolloutConfig& config, BatchedEnv& env, PolicyNetwork policy, int first_env)
     : config_(config),
       env_(env),
       first_env_(first_env),
-      rollout_(config.sensors, config.rollout_steps, env.num_envs(), config.hidden_size),
+      rollout_(config.sensors, config.rollout_steps, env.num_envs(), policy->hidden_size()),
       oracle_acted_(static_cast<std::size_t>(env.num_envs()), 0) {
   const int num_parts = config.overlap ? 2 : 1;
   for (int i = 0; i < num_parts; ++i) {

@@ -27,7 +27,7 @@ namespace earshot {
 class RolloutCollector {
  public:
   /// env, policy: must outlive this.  first_env: global number of the batch's first env.
-  RolloutCollector(const RolloutConfig& config, BatchedEnv& env, ActorCritic policy, int first_env);
+  RolloutCollector(const RolloutConfig& config, BatchedEnv& env, PolicyNetwork policy, int first_env);
 
   /// One rollout of config.rollout_steps steps of all envs.  progress: of the training, for what guides it.  finished: gains the episodes
   /// that ended, but for those in which the oracle acted.  in_step: called once in each step of all envs, with its number from 0; true

@@ -12,8 +12,7 @@ namespace earshot {
 struct RolloutConfig {
   std::uint64_t seed = 0;  ///< of sampled actions and of the episodes in which the oracle acts
   int rollout_steps = 150;
-  bool overlap = false;  ///< steps the environments in two halves, one while the policy looks at the other
-  int hidden_size = 512;
+  bool overlap = false;     ///< steps the environments in two halves, one while the policy looks at the other
   ObservationSpec sensors;  ///< of the batch, those that only the losses read included
   GuidanceConfig guidance;
 };

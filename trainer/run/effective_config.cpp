@@ -10,6 +10,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/config_reader.h"
 
 namespace earshot {
@@ -54,8 +55,8 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 
 bool is_free_to_change(std::string_view key, const RunConfig& now) {
   // What is only reported, where files lie, how long and on how many threads: the weights have the same bits.  The training set itself is
-  // bound by its hash in the checkpoint, the number of workers by the checkpoint's.
-  constexpr std::array<std::string_view, 26> free{"name",
+  // bound by its hash in the checkpoint, a module by that in its architecture, the number of workers by the checkpoint's.
+  constexpr std::array<std::string_view, 27> free{"name",
                                                   "metrics_file",
                                                   "network",
                                                   "out",
@@ -80,7 +81,8 @@ bool is_free_to_change(std::string_view key, const RunConfig& now) {
                                                   "data.train.file",
                                                   "ppo.roll_backs",
                                                   "ppo.loss_alarm",
-                                                  "ppo.kl_alarm"};
+                                                  "ppo.kl_alarm",
+                                                  "policy.module"};
   if (std::ranges::any_of(free, [&](std::string_view name) { return lies_in(key, name); })) return true;
   if (key == "max_minutes") return now.schedule == Schedule::steps;
   const PpoConfig& ppo = now.ppo;
@@ -99,6 +101,8 @@ std::string common_settings(const RunConfig& config) {
   std::string lines;
   for (const auto& [key, value] : flat_config(config_text(config)))
     if (is_bound(key)) lines += fmt::format("{}={}\n", key, value);
+  if (!config.policy.module.empty())
+    lines += fmt::format("module={}\n", hex64(hash64(read_regular_file(config.policy.module, kMaxModuleBytes))));
   if (!config.train.file.empty()) lines += fmt::format("training set={}\n", hex64(hash64(read_file(config.train.file))));
   if (config.held_out.is_on()) lines += fmt::format("held-out set={}\n", hex64(hash64(read_file(config.held_out_data.file))));
   return lines;

@@ -6,14 +6,14 @@
 
 namespace earshot {
 
-void load_initial_policy(const RunConfig& config, ActorCritic& policy) {
+void load_initial_policy(const RunConfig& config, const PolicyNetwork& policy) {
   const std::filesystem::path file = find_checkpoint(config.initial_policy);
   load_weights(policy, load_checkpoint(file), file.string());
 }
 
-void check_initial_policy(const RunConfig& config) {
-  ActorCritic policy(config.env.observation, config.policy);
-  load_initial_policy(config, policy);
+void check_policy(const RunConfig& config, bool with_weights) {
+  PolicyNetwork policy = make_policy(config.env.observation, config.policy);
+  if (with_weights && !config.initial_policy.empty()) load_initial_policy(config, policy);
 }
 
 }  // namespace earshot

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
 
 /// The weights of config.initial_policy (a policy file, checkpoint or run folder), for a run that starts from them.  Throws InputError: no
 /// such file, damaged, or of another architecture than `config` asks for; then nothing has changed.
-void load_initial_policy(const RunConfig& config, ActorCritic& policy);
-/// The same without a policy: before workers are started.
-void check_initial_policy(const RunConfig& config);
+void load_initial_policy(const RunConfig& config, const PolicyNetwork& policy);
+/// Before workers are started: makes the network that the config asks for, and with_weights loads config.initial_policy into it.  Throws
+/// InputError as they do.
+void check_policy(const RunConfig& config, bool with_weights);
 
 }  // namespace earshot

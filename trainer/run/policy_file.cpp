@@ -17,8 +17,10 @@ Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage) {
   static_cast<CheckpointMetadata&>(policy) = checkpoint;
   policy.is_policy = true;
   policy.weights = checkpoint.weights;
+  policy.module = checkpoint.module;
   if (storage == WeightStorage::float32) return policy;
   for (auto& [name, tensor] : policy.weights) {
+    if (tensor.scalar_type() != torch::kFloat32) continue;  // a buffer of a module
     tensor = tensor.to(torch::kFloat16);
     if (!torch::isfinite(tensor).all().item<bool>())
       throw InputError("weights '" + name + "'", "have values outside the range of float16", "leave out --float16");

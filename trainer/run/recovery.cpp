@@ -25,13 +25,13 @@ RunError different_weights() {
 
 }  // namespace
 
-void check_equal_weights(Collective& collective, const ActorCritic& policy) {
+void check_equal_weights(Collective& collective, const PolicyNetwork& policy) {
   const std::string hash = hex64(hash_of(weights_of(policy)));
   for (const auto& other : collective.all_gather(hash))
     if (other != hash) throw different_weights();
 }
 
-Recovery::Recovery(Collective& collective, const EnvPlaces& places, ActorCritic policy, PpoLearner& learner, RunProgress& progress,
+Recovery::Recovery(Collective& collective, const EnvPlaces& places, PolicyNetwork policy, PpoLearner& learner, RunProgress& progress,
                    UpdateReport& report)
     : collective_(collective),
       places_(places),

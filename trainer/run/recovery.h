@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/checkpoint/env_places.h"
 #include "trainer/learner/ppo.h"
@@ -18,7 +18,7 @@
 namespace earshot {
 
 /// A collective call.  Throws RunError if the weights are not the same bits on every worker.
-void check_equal_weights(Collective& collective, const ActorCritic& policy);
+void check_equal_weights(Collective& collective, const PolicyNetwork& policy);
 
 /// Brings the workers of a run back to one state after members were lost or have joined: all go back to the last update that every member
 /// has completed, and a worker that joins gets that state from another one.  The update under way is then made again from the rollout that
@@ -29,7 +29,7 @@ void check_equal_weights(Collective& collective, const ActorCritic& policy);
 class Recovery {
  public:
   /// All but policy, which is a handle, must outlive this.  A worker whose collective is_joining() has no state until recover() returns.
-  Recovery(Collective& collective, const EnvPlaces& places, ActorCritic policy, PpoLearner& learner, RunProgress& progress,
+  Recovery(Collective& collective, const EnvPlaces& places, PolicyNetwork policy, PpoLearner& learner, RunProgress& progress,
            UpdateReport& report);
 
   /// Before the first optimizer step: keeps a copy of the state if the collective survives a loss.
@@ -68,7 +68,7 @@ class Recovery {
 
   Collective& collective_;
   const EnvPlaces& places_;
-  ActorCritic policy_;
+  PolicyNetwork policy_;
   PpoLearner& learner_;
   RunProgress& progress_;
   UpdateReport& report_;

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <system_error>
 
 #include "envs/sensors/sensor.h"
 #include "sim/base/errors.h"
@@ -39,8 +41,16 @@ std::string largest_part(const RunConfig& config, const ResourceNeed& need) {
       Part{need.program_bytes, fmt::format("workers = {}", need.processes)},
       Part{need.environment_bytes, fmt::format("envs_per_worker = {}", config.envs_per_worker)},
       Part{need.rollout_bytes, fmt::format("rollout_steps = {} with envs_per_worker = {}", config.rollout_steps, config.envs_per_worker)},
-      Part{need.learner_bytes, fmt::format("policy.hidden_size = {}", config.policy.hidden_size)}};
+      Part{need.learner_bytes, config.policy.module.empty() ? fmt::format("policy.hidden_size = {}", config.policy.hidden_size)
+                                                            : "policy.module = " + config.policy.module}};
   return std::ranges::max_element(parts, {}, &Part::bytes)->key;
+}
+
+/// 0 where there is none, which is said when it is read.
+double bytes_of_file(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(path, error);
+  return error ? 0 : static_cast<double>(bytes);
 }
 
 }  // namespace
@@ -57,7 +67,11 @@ ResourceNeed resource_need(const RunConfig& config, int processes) {
   const double response = sensors.hears() ? 2 * sizeof(float) * rate * static_cast<double>(config.env.acoustics.rir_length_s) : 0;
   need.environment_bytes = (envs + held_out) * (row_bytes(sensors, static_cast<int>(kStepSeconds * rate)) + response);
   need.rollout_bytes = envs * (steps * (row_bytes(sensors, 1) + kSlabs * sizeof(float)) + hidden * sizeof(float));
-  need.learner_bytes = kCopiesOfWeights * sizeof(float) * 3 * hidden * (hidden + features);  // of a GRU
+  const double module_bytes = config.policy.module.empty() ? 0 : bytes_of_file(config.policy.module);
+  if (module_bytes > 0)
+    need.learner_bytes = kCopiesOfWeights * module_bytes;  // nearly all of it are weights
+  else
+    need.learner_bytes = kCopiesOfWeights * sizeof(float) * 3 * hidden * (hidden + features);  // of a GRU
   return need;
 }
 

@@ -109,7 +109,6 @@ RolloutConfig rollout_config(const RunConfig& config) {
   return {.seed = config.seed,
           .rollout_steps = config.rollout_steps,
           .overlap = config.overlap,
-          .hidden_size = config.policy.hidden_size,
           .sensors = training_sensors(config),
           .guidance = config.guidance};
 }

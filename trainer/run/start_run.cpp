@@ -114,7 +114,8 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
   refuse_mixed_runs(config, start);
   if (!start.resume.empty()) check_same_run(config, start);
   refuse_stale_episodes(config, start);
-  if (start.resume.empty() && !config.initial_policy.empty()) check_initial_policy(config);
+  const bool needs_weights = start.resume.empty() && !config.initial_policy.empty();
+  if (needs_weights || !config.policy.module.empty()) check_policy(config, needs_weights);
   if (start.overwrite) RunFolder(config.out).remove_run();
 }
 

@@ -51,7 +51,7 @@ TrainWorker::TrainWorker(const RunConfig& config, Collective& collective, Worker
       set_(std::make_shared<const EpisodeSet>(load_episode_set(config.train.file))),
       scenes_(make_scene_cache(config.env)),
       env_(training_env(config), set_, scenes_, config.envs_per_worker, first_env(), places_.started_workers * config.envs_per_worker),
-      policy_(config.env.observation, config.policy),
+      policy_(make_policy(config.env.observation, config.policy)),
       learner_(policy_, config.ppo, config.seed, config.guidance, static_cast<double>(config.env.task.success_radius_m)),
       collector_(rollout_config(config), env_, policy_, first_env()),
       preemption_(config.ppo, config.rollout_steps),
@@ -253,6 +253,7 @@ void TrainWorker::report(const UpdateStats& stats, double update_s, std::uint64_
 /// What a checkpoint of this update has to hold, on every worker, so that any of them can write it once the others are lost.
 void TrainWorker::keep_whole_update(bool with_environments) {
   Checkpoint state = learner_state_of(policy_, learner_.optimizer());
+  state.module = policy_->module_file();
   if (with_environments) gather_env_states(collective_, env_, collector_, state);
   for (const int member : collective_.members()) state.members.push_back(places_.first_of(member));
   state.started_workers = places_.started_workers;

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "policy/actor_critic.h"
+#include "policy/policy_network.h"
 #include "trainer/checkpoint/env_places.h"
 #include "trainer/checkpoint/run_state.h"
 #include "trainer/learner/ppo.h"
@@ -71,7 +71,7 @@ class TrainWorker {
   std::shared_ptr<const EpisodeSet> set_;
   std::shared_ptr<SceneCache> scenes_;
   BatchedEnv env_;
-  ActorCritic policy_;
+  PolicyNetwork policy_;
   PpoLearner learner_;
   RolloutCollector collector_;
   Preemption preemption_;

@@ -21,7 +21,7 @@ std::optional<double> number_in(const std::string& text) {
 
 }  // namespace
 
-std::optional<std::string> fault_of_weights(const ActorCritic& policy) {
+std::optional<std::string> fault_of_weights(const PolicyNetwork& policy) {
   const torch::NoGradGuard no_gradients;
   for (const auto& item : policy->named_parameters()) {
     const double largest = item.value().numel() == 0 ? 0.0 : item.value().abs().max().item<double>();  // NaN where one is

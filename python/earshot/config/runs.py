@@ -107,6 +107,9 @@ class Policy(Section):
     goal_heads: bool = False
     #: The critic learns returns normalized by their running mean and deviation (PopArt).
     normalize_values: bool = False
+    #: TorchScript file of a network in place of the built-in one, which the sizes above describe. Empty: the built-in one. Range: a
+    #: TorchScript file.
+    module: str = ""
 
 
 @dataclasses.dataclass(kw_only=True, slots=True)

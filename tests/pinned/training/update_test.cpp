@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "policy/actor_critic.h"
 #include "policy/torch_kernels.h"
 #include "sim/base/random.h"
 #include "tests/support/files/pinned_bits.h"

@@ -20,7 +20,7 @@ class DyingEvaluator : public HeldOutEvaluator {
  public:
   DyingEvaluator(std::unique_ptr<HeldOutEvaluator> inner, int dies_in) : inner_(std::move(inner)), dies_in_(dies_in) {}
   [[nodiscard]] const std::string& identity() const override { return inner_->identity(); }
-  [[nodiscard]] std::optional<HeldOutScores> evaluate(const ActorCritic& policy, Collective& collective) override {
+  [[nodiscard]] std::optional<HeldOutScores> evaluate(const PolicyNetwork& policy, Collective& collective) override {
     if (++evaluations_ == dies_in_) ::raise(SIGKILL);
     return inner_->evaluate(policy, collective);
   }

@@ -11,6 +11,7 @@
 #include "envs/config/batch_config.h"
 #include "evaluation/results/evaluator.h"
 #include "policy/action_distribution.h"
+#include "policy/actor_critic.h"
 #include "tests/support/files/test_files.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/collective/collective.h"

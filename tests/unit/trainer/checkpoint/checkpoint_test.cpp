@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "policy/actor_critic.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"

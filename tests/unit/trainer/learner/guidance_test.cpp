@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "policy/actor_critic.h"
 #include "sim/base/errors.h"
 #include "tests/support/largest.h"
 #include "tests/support/workers/two_workers.h"

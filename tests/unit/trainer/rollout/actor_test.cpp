@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "policy/actor_critic.h"
 #include "tests/support/envs/env_fixture.h"
 #include "trainer/run/run_config.h"
 

@@ -12,6 +12,8 @@
 
 #include "evaluation/results/evaluator.h"
 #include "policy/torch_threads.h"
+#include "sim/base/files.h"
+#include "tests/support/workers/script_modules.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/run/episode_data.h"
@@ -60,7 +62,7 @@ class HeldOutEvaluationTest : public testing::Test {
         "held out", {});
     generate_data(config_.held_out_data, config_.env);
   }
-  [[nodiscard]] HeldOutScores evaluate(const ActorCritic& policy, int workers) const {
+  [[nodiscard]] HeldOutScores evaluate(const PolicyNetwork& policy, int workers) const {
     std::vector<std::string> parts(static_cast<std::size_t>(workers));
     for (int rank = 0;; ++rank) {
       const auto evaluator = make_held_out_evaluator(config_);
@@ -80,13 +82,17 @@ class HeldOutEvaluationTest : public testing::Test {
 };
 
 TEST_F(HeldOutEvaluationTest, AnyNumberOfWorkersHasTheScoresOfEval) {
-  for (std::uint64_t seed = 1; seed < 3; ++seed) {
+  const auto module = folder_.path() / "net.pt";
+  write_file_atomically(module, *file_like(pointgoal_policy(8), kHearingSource));
+  for (std::uint64_t seed = 1; seed < 4; ++seed) {
     config_.policy.seed = seed;
-    ActorCritic policy(config_.env.observation, config_.policy);
+    config_.policy.module = seed < 3 ? "" : module.string();
+    const PolicyNetwork policy = make_policy(config_.env.observation, config_.policy);
     Checkpoint checkpoint;
     checkpoint.config_yaml = config_text(config_);
     checkpoint.architecture = policy->architecture();
     checkpoint.weights = weights_of(policy);
+    checkpoint.module = policy->module_file();
     const auto file = folder_.path() / "policy.ckpt";
     save_checkpoint(checkpoint, file);
     EvaluationConfig evaluation{.episodes = config_.held_out_data.file, .num_envs = config_.eval_envs};

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "policy/action_distribution.h"
+#include "policy/actor_critic.h"
 #include "sim/base/random.h"
 #include "trainer/learner/ppo.h"
 

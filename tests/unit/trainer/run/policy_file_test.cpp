@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "policy/actor_critic.h"
 #include "sim/base/errors.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/run/initial_policy.h"
@@ -81,7 +82,7 @@ TEST(PolicyFile, ARunStartsFromItsWeights) {
   EXPECT_EQ(hash_of(weights_of(policy)), hash_of(whole.weights));
 
   config.policy.hidden_size = 9;
-  EXPECT_THROW(check_initial_policy(config), InputError);
+  EXPECT_THROW(check_policy(config, true), InputError);
 }
 
 }  // namespace
