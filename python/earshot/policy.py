@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._configs import FOLDER, PREFIX
 from ._engine import InputError
 from ._network import NUM_ACTIONS, Architecture, Array, Network, Sensor
 from ._policy_file import read_policy_file
@@ -20,7 +21,7 @@ Observations = Mapping[str, Any]
 class Policy:
     """A trained agent that acts on numpy arrays, without torch::
 
-        policy = earshot.Policy.load("configs/policies/quick.policy")
+        policy = earshot.Policy.load("earshot:policies/quick")
         envs = earshot.make_vec("earshot:train/quick", 8, autoreset_mode="same_step")
         observations, _ = envs.reset(seed=1)
         begins = np.ones(envs.num_envs, bool)
@@ -44,11 +45,11 @@ class Policy:
 
     @staticmethod
     def load(path: str | Path) -> Policy:
-        """Reads a policy file or a checkpoint.
+        """Reads a policy file, a checkpoint, or the agent that the package brings: "earshot:policies/quick".
 
         Raises InputError: no such file, damaged, or a network that is a TorchScript module.
         """
-        return Policy(read_policy_file(path), str(path))
+        return Policy(read_policy_file(_file_of(path)), str(path))
 
     @property
     def architecture(self) -> str:
@@ -161,6 +162,15 @@ class Policy:
             raise InputError(f"{where}: has weights that do not fit its architecture ({error}); export it again") from error
         if logits.shape != (1, NUM_ACTIONS) or state.shape != (1, self._architecture.hidden_size):
             raise InputError(f"{where}: has weights that do not fit its architecture; export it again")
+
+
+def _file_of(path: str | Path) -> Path:
+    if not str(path).startswith(PREFIX):
+        return Path(path)
+    known = {f"{PREFIX}policies/{file.stem}": file for file in sorted((FOLDER / "policies").glob("*.policy"))}
+    if str(path) not in known:
+        raise InputError(f"{path}: the package has no such policy; it has {', '.join(known)}")
+    return known[str(path)]
 
 
 def _drawn(logits: Array, rng: np.random.Generator) -> NDArray[np.int32]:

@@ -110,6 +110,14 @@ def test_describes_itself() -> None:
     assert agent.architecture.startswith("actor-critic v1: depth 64x64x1")
 
 
+def test_the_package_brings_the_shipped_agent() -> None:
+    agent = earshot.Policy.load("earshot:policies/quick")
+    assert agent.architecture == policy().architecture
+    assert all(np.array_equal(agent.weights[name], array) for name, array in policy().weights.items())
+    with pytest.raises(earshot.InputError, match="earshot:policies/slow: the package has no such policy; it has earshot:policies/quick"):
+        earshot.Policy.load("earshot:policies/slow")
+
+
 def few_episodes(folder: Path) -> tuple[Path, list[str]]:
     """Episodes of a house that the agent has not seen, and how the environments hear there: without the stored fields, which take long."""
     config = folder / "few.yaml"
