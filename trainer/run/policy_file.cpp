@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
+#include "sim/base/engine_commit.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/json.h"
 #include "trainer/run/effective_config.h"
@@ -25,6 +28,23 @@ Checkpoint policy_of(const Checkpoint& checkpoint, WeightStorage storage) {
     if (!torch::isfinite(tensor).all().item<bool>())
       throw InputError("weights '" + name + "'", "have values outside the range of float16", "leave out --float16");
   }
+  return policy;
+}
+
+Checkpoint policy_of_module(RunConfig config, const std::string& file) {
+  config.policy = {.seed = config.policy.seed, .module = file};
+  config.guidance = {};
+  const PolicyNetwork network = make_policy(config.env.observation, config.policy);
+  Checkpoint policy;
+  policy.is_policy = true;
+  policy.config_yaml = config_text(config);
+  policy.architecture = network->architecture();
+  policy.weights = weights_of(network);
+  policy.module = network->module_file();
+  policy.seed = config.seed;
+  policy.mean_reward = std::numeric_limits<double>::quiet_NaN();
+  policy.engine = engine_hash();
+  policy.engine_commit = engine_commit();
   return policy;
 }
 

@@ -129,6 +129,32 @@ TEST_F(ModuleCli, ABenchmarkHasTheBitsOfOneProcess) {
   expect_done("verify " + path("apart.json") + board());
 }
 
+// What another trainer wrote gets onto the board by its module and the sensors that it reads.
+TEST_F(ModuleCli, AModuleOfAnotherTrainerIsEvaluatedVerifiedAndRanked) {
+  const std::string file = path("other.policy"), out = " --out " + file;
+  expect_refused("policy " + path("net.pt"), AllOf(HasSubstr("net.pt"), HasSubstr("TorchScript module"), HasSubstr("--run-config FILE")));
+  expect_refused("policy " + path("none.pt") + " --run-config " + config_ + out, AllOf(HasSubstr("none.pt"), HasSubstr("does not exist")));
+  EXPECT_FALSE(std::filesystem::exists(file));
+  expect_done("policy " + path("net.pt") + " --run-config " + config_ + " --set name=other --set policy.initial_stop_logit=-4" + out);
+  const Checkpoint made = load_checkpoint(file);
+  ASSERT_TRUE(made.module && made.is_policy);
+  EXPECT_EQ(*made.module, read_file(path("net.pt")));
+  // The weights of the file, to which nothing of the config has been added.
+  const ActorCritic written = pointgoal_policy(kCliHidden);
+  for (const auto& item : written->named_parameters()) {
+    const std::string name = "module." + replaced(replaced(item.key(), "rnn.", ""), ".", "_");
+    ASSERT_TRUE(made.weights.contains(name)) << name;
+    EXPECT_TRUE(torch::equal(made.weights.at(name), item.value())) << name;
+  }
+  EXPECT_EQ(made.architecture.find("stop"), std::string::npos);
+
+  std::filesystem::remove(path("net.pt"));
+  expect_done("eval " + file + board() + " --argmax --out " + path("other.json"));
+  expect_done("verify " + path("other.json") + board());
+  expect_done("leaderboard " + path("other.json") + board() + " --json " + path("rows.json"));
+  EXPECT_THAT(read_file(path("rows.json")), AllOf(HasSubstr("\"other\""), HasSubstr("run by the board")));
+}
+
 TEST_F(ModuleCli, ABenchmarkRefusesOrEndsAModuleThatMisbehaves) {
   const std::string file = policy("module", "policy.module=" + path("net.pt"));
   const auto with_line = [&](const std::string& line) {
