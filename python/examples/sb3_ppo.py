@@ -39,15 +39,8 @@ class Report(BaseCallback):
         print(f"{seconds:6.0f} s {self.num_timesteps:8d} steps {rate:6.0f} steps/s  success {success:.2f} SPL {spl:.2f}", flush=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", default="earshot:train/quick")
-    parser.add_argument("--minutes", type=float, default=15)
-    parser.add_argument("--num-envs", type=int, default=16)
-    parser.add_argument("--save", help="where the trained policy goes (.zip)")
-    args = parser.parse_args()
-
-    envs = EarshotVecEnv(args.config, args.num_envs, threads=0)
+def train(config: str, num_envs: int, minutes: float) -> PPO:
+    envs = EarshotVecEnv(config, num_envs, threads=0)
     envs.seed(1)
     options: dict[str, Any] = {
         "n_steps": 64,
@@ -62,10 +55,21 @@ def main() -> None:
     model = PPO("MultiInputPolicy", envs, seed=1, device="cpu", **options)
     with torch.no_grad():  # `stop` ends an episode: rare at first
         model.policy.action_net.bias[0] = -4.0
-    model.learn(10**9, callback=Report(args.minutes))
+    model.learn(10**9, callback=Report(minutes))
+    envs.close()
+    return model
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", default="earshot:train/quick")
+    parser.add_argument("--minutes", type=float, default=15)
+    parser.add_argument("--num-envs", type=int, default=16)
+    parser.add_argument("--save", help="where the trained policy goes (.zip)")
+    args = parser.parse_args()
+    model = train(args.config, args.num_envs, args.minutes)
     if args.save:
         model.save(args.save)
-    envs.close()
 
 
 if __name__ == "__main__":
