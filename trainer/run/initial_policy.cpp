@@ -11,9 +11,12 @@ void load_initial_policy(const RunConfig& config, const PolicyNetwork& policy) {
   load_weights(policy, load_checkpoint(file), file.string());
 }
 
-void check_policy(const RunConfig& config, bool with_weights) {
-  PolicyNetwork policy = make_policy(config.env.observation, config.policy);
-  if (with_weights && !config.initial_policy.empty()) load_initial_policy(config, policy);
+void check_policy(const RunConfig& config, const std::filesystem::path& resume) {
+  const PolicyNetwork policy = make_policy(config.env.observation, config.policy);
+  if (!resume.empty())
+    load_weights(policy, load_checkpoint(resume), resume.string());
+  else if (!config.initial_policy.empty())
+    load_initial_policy(config, policy);
 }
 
 }  // namespace earshot

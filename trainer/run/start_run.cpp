@@ -114,8 +114,8 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
   refuse_mixed_runs(config, start);
   if (!start.resume.empty()) check_same_run(config, start);
   refuse_stale_episodes(config, start);
-  const bool needs_weights = start.resume.empty() && !config.initial_policy.empty();
-  if (needs_weights || !config.policy.module.empty()) check_policy(config, needs_weights);
+  const bool loads_weights = start.resume.empty() && !config.initial_policy.empty();
+  if (loads_weights || !config.policy.module.empty()) check_policy(config, start.resume);
   if (start.overwrite) RunFolder(config.out).remove_run();
 }
 

@@ -82,7 +82,7 @@ TEST(PolicyFile, ARunStartsFromItsWeights) {
   EXPECT_EQ(hash_of(weights_of(policy)), hash_of(whole.weights));
 
   config.policy.hidden_size = 9;
-  EXPECT_THROW(check_policy(config, true), InputError);
+  EXPECT_THROW(check_policy(config, {}), InputError);
 }
 
 }  // namespace
