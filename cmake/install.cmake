@@ -25,6 +25,11 @@ if(EARSHOT_BUILD_TRAINING)
   install(FILES ${CMAKE_CURRENT_LIST_DIR}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 endif()
 
+# In a folder of its own, for LD_LIBRARY_PATH: the engine that it replaces has the same name.
+if(TARGET RLRAudioPropagation)
+  install(TARGETS RLRAudioPropagation LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/earshot/compat COMPONENT program)
+endif()
+
 # Public names; all else is earshot::engine_NAME.
 set_target_properties(earshot_reader PROPERTIES EXPORT_NAME reader)
 set_target_properties(api PROPERTIES EXPORT_NAME core)

@@ -111,7 +111,7 @@ endforeach()
 # earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.
 function(earshot_test_program target dir labels alone)
   cmake_parse_arguments(PARSE_ARGV 4 arg "" "PCH" "SOURCES;LIBS")
-  if(dir MATCHES "^(robustness|unit/(sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
+  if(dir MATCHES "^(robustness|unit/(compat|sim/(base|rays|scene|audio|sofa|vision|nav)|trainer/(net|launch)))$")
     list(APPEND labels sanitized)
   endif()
   if(dir STREQUAL "unit/apps" OR target MATCHES "_libtorch$")

@@ -5,6 +5,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
 
   all              sim <- envs <- {datasets, policy};  policy <- trainer <- evaluation <- bench <- apps;  api over envs, its rooms datasets
                    and training over the folders below them; python over the public headers alone
+  compat           over sim
   include          its own headers and the standard library; of the engine only sim/base/errors.h includes one (earshot/errors.h)
   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
   in sim/base      its own files <- text <- process <- charts
@@ -28,7 +29,7 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
 MAX_SOURCES, MAX_LINES = 35, 500
-PARTS = "include sim envs datasets api python policy trainer evaluation bench apps".split()
+PARTS = "include sim envs datasets api compat python policy trainer evaluation bench apps".split()
 # Public headers lie here, and reach nothing but each other and the standard library.
 PUBLIC, STANDARD = "include/earshot", r"[a-z_0-9]+$"
 QUESTIONS_OF_THE_LEARNER = r"bench/questions/learner_[a-z_]*_bench\.cpp$"
@@ -61,6 +62,7 @@ ALLOWED = [
     ("api", "include sim envs api", r"api/(datasets|training)/"),
     ("api/datasets", "include sim datasets api", None),
     ("api/training", "include sim envs policy trainer evaluation api", None),
+    ("compat", "sim compat", None),
     ("python", "include python", r"python/processor/"),
     ("python/processor", "sim/base python", None),
     ("policy", "sim envs policy", None),

@@ -32,7 +32,8 @@ std::filesystem::path companion_program(const std::string& name, const char* var
   const std::filesystem::path own_folder = folder_of_this_code(), installed = std::filesystem::path(kInstalledPrograms) / name;
   for (const std::filesystem::path& candidate :
        {own_folder.empty() ? folder / name : own_folder / name, folder / name, folder.parent_path() / name,
-        (folder / kFromInstalledPrograms / name).lexically_normal(), installed})
+        (folder / kFromInstalledPrograms / name).lexically_normal(),
+        own_folder.empty() ? installed : (own_folder / kFromInstalledCompat / name).lexically_normal(), installed})
     if (std::filesystem::is_regular_file(candidate, error)) return candidate;
   throw RunError(name, fmt::format("is neither in {} nor installed as {}; build or install it{}", folder.string(), installed.string(),
                                    variable != nullptr ? fmt::format(", or set {} to its path", variable) : ""));
