@@ -155,7 +155,7 @@ RLRA_EXPORT RLRA_Error RLRA_FinalizeObjectMesh(RLRA_Context context, size_t obje
 /// A database of materials (docs/reference/formats.md, section 2), at any time: it holds from the next RLRA_Simulate on.
 RLRA_EXPORT RLRA_Error RLRA_SetMaterialDatabaseJSON(RLRA_Context context, const char* path);
 /// All objects in their places, in metres, as an OBJ file: an object for each object, a material name for each category, a colour for each
-/// category.  `earshot rir` with this file gives the bits of RLRA_Simulate (docs/howto/rlr_library.md).
+/// category.  `earshot rir` with this file gives the bits of RLRA_Simulate (docs/reference/rlr_library.md).
 RLRA_EXPORT RLRA_Error RLRA_WriteSceneMeshOBJ(const RLRA_Context context, const char* path);
 /// @}
 

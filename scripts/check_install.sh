@@ -55,6 +55,13 @@ while IFS= read -r header; do
   [ "$name" = vec3 ] || [ -x "$work/build/$name" ] || fail "no example shows earshot/$name.h"
 done <"$work/installed"
 
+# A program that was linked with the library of the build runs with the installed one.
+compat=$(dirname "$(find "$prefix" -name libRLRAudioPropagation.so)")
+if [ -x "$build/tests/compat_program" ] && [ -n "$compat" ]; then
+  LD_LIBRARY_PATH=$compat ldd "$build/tests/compat_program" | grep -q " $compat/" || fail "the installed libRLRAudioPropagation.so is not the one that runs"
+  LD_LIBRARY_PATH=$compat "$build/tests/compat_program" "$work/compat" >"$work/said" 2>/dev/null || { cat "$work/said" >&2; fail "a program fails with the installed libRLRAudioPropagation.so"; }
+fi
+
 ran=0
 # prints PATTERN EXAMPLE ARGUMENTS...: the example ends well, and a line that it prints matches the extended regular expression.
 prints() {

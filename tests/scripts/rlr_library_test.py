@@ -396,6 +396,35 @@ def test_bits_of_a_house():
             assert len(read_obj(folder / "again.obj")[1]["wall"]) == sum(map(len, faces.values()))
 
 
+def test_head_filters():
+    """Axes of the HRTF that are turned sound as a listener that is turned; a measured head as `earshot rir --hrtf`."""
+    def ears(orientation, **fields):
+        with Context(**QUICK, **fields) as context:
+            context.add_room((6, 3, 4))
+            context.add_source(1, 1, 1)
+            context.add_listener(BINAURAL, 2, 3, 1.5, 2)
+            context("SetListenerOrientationQuaternion", 0, FLOAT4(*orientation))
+            context("Simulate")
+            return context.response()
+    half_turn = {"hrtfRight": FLOAT3(-2, 0, 0), "hrtfUp": FLOAT3(0, 1, 0), "hrtfBack": FLOAT3(0, 0, -1)}
+    assert ears((1, 0, 0, 0), **half_turn) == ears((0, 0, 3, 0)) != ears((1, 0, 0, 0))
+    data = pathlib.Path(os.environ.get("EARSHOT_DATA", pathlib.Path(__file__).parents[2] / "../shared/data"))
+    head = data / "hrtf/MIT_KEMAR_normal_pinna.sofa"
+    if not head.exists():
+        print(f"no test data: {head} (set EARSHOT_DATA)")
+        return
+    with Context(**QUICK) as context, tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        context.add_room((5, 3, 4))
+        context.add_source(1, 1, 1)
+        context.add_listener(BINAURAL, 2, 3, 1.5, 2)
+        context("SetListenerHRTF", 0, str(head).encode())
+        context("Simulate")
+        context("WriteSceneMeshOBJ", str(folder / "scene.obj").encode())
+        places = {"sources": [(1, 1, 1)], "listeners": [("binaural", (3, 1.5, 2))]}
+        compare_with_rir(folder, folder / "scene.obj", context, places, ("--hrtf", str(head)))
+
+
 def test_settings_of_the_environment():
     def response(**variables):
         program = (f"import sys; sys.argv = ['', {LIBRARY!r}, {EARSHOT!r}]; import importlib.util as u; "
