@@ -17,6 +17,7 @@ namespace earshot {
 namespace {
 
 constexpr std::array<const char*, 5> extensions{".glb", ".gltf", ".obj", ".ply", ".stl"};
+constexpr std::array<const char*, 6> cloud_extensions{".pcd", ".xyz", ".pts", ".asc", ".las", ".laz"};
 
 std::string folded_extension(const std::filesystem::path& path) { return fold_case(path.extension().string()); }
 
@@ -67,7 +68,11 @@ std::vector<std::string> read_file_parts(const std::filesystem::path& path, cons
 }  // namespace
 
 bool is_mesh_file(const std::filesystem::path& path) {
-  return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end();
+  return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end() || has_cloud_extension(path);
+}
+
+bool has_cloud_extension(const std::filesystem::path& path) {
+  return std::find(cloud_extensions.begin(), cloud_extensions.end(), folded_extension(path)) != cloud_extensions.end();
 }
 
 glm::dmat4 file_to_world(const MeshImportOptions& options) {
@@ -82,7 +87,9 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw InputError(where, "does not exist", "check the path of the mesh");
   if (!std::filesystem::is_regular_file(path, error)) throw InputError(where, "is not a file", "give a glb, gltf, obj, ply or stl file");
-  if (!is_mesh_file(path)) throw InputError(where, "has an unknown extension", "give a glb, gltf, obj, ply or stl file");
+  if (!is_mesh_file(path) || has_cloud_extension(path))
+    throw InputError(where, "has an unknown extension", "give a glb, gltf, obj, ply or stl file");
+  if (options.cell_m) throw InputError(where, "has faces and takes no cell", "leave out the cell: point clouds alone take one");
 
   ImportedMesh imported;
   const std::string extension = folded_extension(path);

@@ -3,17 +3,23 @@
 
 #include <filesystem>
 #include <glm/mat4x4.hpp>
+#include <optional>
 
 #include "sim/scene/mesh/import_report.h"
 #include "sim/scene/mesh/triangle_mesh.h"
 
 namespace earshot {
 
-/// How the coordinates of a mesh file are read.
+/// Bounds of the voxels of point clouds, in metres.
+inline constexpr double kMinCellM = 0.001, kMaxCellM = 10;
+
+/// How the coordinates of a mesh file or a point cloud are read.
 struct MeshImportOptions {
   enum class Up { y, z };
   Up up = Up::y;      ///< axis that points up in the file; z is turned to y, right-handed: (x, y, z) -> (x, z, -y)
   double unit_m = 1;  ///< metres per unit of the file, above 0
+  /// Edge of the voxels of a point cloud in metres, in [kMinCellM, kMaxCellM]; nullopt: from the spacing of its points.  Meshes take none.
+  std::optional<double> cell_m = std::nullopt;
 };
 
 /// From the coordinates of the file to metres, y up.
@@ -24,8 +30,11 @@ struct ImportedMesh {
   ImportReport report;
 };
 
-/// Whether `path` has the extension of a mesh (glb, gltf, obj, ply, stl; any case).
+/// Whether `path` has the extension of a mesh (glb, gltf, obj, ply, stl) or of a point cloud (pcd, xyz, pts, asc, las, laz), in any case.
 bool is_mesh_file(const std::filesystem::path& path);
+
+/// Whether `path` has the extension of a format that holds points alone.
+bool has_cloud_extension(const std::filesystem::path& path);
 
 /// Reads a mesh file, bakes all node transforms (in double), cuts polygons into triangles, keeps material and node names, and repairs
 /// (mesh_repair.h).  Every face of the file becomes triangles or an error; points and lines are dropped, other things that are left out are
