@@ -29,6 +29,7 @@ SceneOverrides overrides_of(const SceneOptions& options) {
   overrides.unit_m = options.unit_m;
   if (options.simplify_m) overrides.simplify_m = static_cast<float>(*options.simplify_m);
   if (!options.up.empty()) overrides.up = options.up == "z" ? MeshImportOptions::Up::z : MeshImportOptions::Up::y;
+  overrides.cell_m = options.cell_m;
   return overrides;
 }
 

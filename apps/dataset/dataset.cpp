@@ -29,9 +29,9 @@ void generate(const DataConfig& data, const EnvConfig& env) {
 void run_dataset(const DatasetArguments& options) {
   if (!options.config.empty()) {
     if (!options.scenes.empty()) throw InputError("--config", "already names the scenes", "give either SCENE or --config");
-    if (options.axes.unit_m || options.axes.up)
-      throw InputError("--config", "names the scenes itself, but --unit or --up was given",
-                       "write FILE,unit=METRES or FILE,up=z in data.train.scenes and data.eval.scenes");
+    if (options.axes.is_given())
+      throw InputError("--config", "names the scenes itself, but --unit, --up or --cell was given",
+                       "write FILE,unit=METRES, FILE,up=z or FILE,cell=METRES in data.train.scenes and data.eval.scenes");
     const RunConfig config = load_run_config(options.config, options.overrides);
     std::vector<OutputPath> sets;
     for (const auto& [key, file] : {std::pair("data.train.file", config.train.file), std::pair("data.eval.file", config.eval.file)})

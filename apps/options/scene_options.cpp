@@ -11,6 +11,9 @@ void AxesOptions::add_to(CLI::App& command) {
                      "Metres per unit of a mesh file, for example 0.01 for centimetres (default: value of the scene YAML, else 1)");
   command.add_option("--up", up, "Axis of a mesh file that points up: y or z (default: value of the scene YAML, else y)")
       ->check(CLI::IsMember({"y", "z"}));
+  command.add_option(
+      "--cell", cell_m,
+      "Edge of the voxels of a point cloud in metres (default: value of the scene YAML, else from the spacing of the points)");
 }
 
 std::optional<MeshImportOptions::Up> AxesOptions::up_axis() const {
@@ -19,16 +22,17 @@ std::optional<MeshImportOptions::Up> AxesOptions::up_axis() const {
 }
 
 std::vector<std::string> AxesOptions::applied_to(std::vector<std::string> scenes) const {
-  if (scenes.empty() && (unit_m || up))
-    throw InputError(up ? "--up" : "--unit", "describes a mesh file, but no SCENE is given", "name one");
-  for (std::string& scene : scenes) scene = add_mesh_choices(scene, unit_m, up_axis());
+  if (scenes.empty() && is_given())
+    throw InputError(up ? "--up" : unit_m ? "--unit" : "--cell", "describes a mesh file, but no SCENE is given", "name one");
+  for (std::string& scene : scenes) scene = add_mesh_choices(scene, {.unit_m = unit_m, .up = up_axis(), .cell_m = cell_m});
   return scenes;
 }
 
 void SceneOptions::add_to(CLI::App& command) {
   command
       .add_option("SCENE", scene,
-                  "Mesh file[,unit=METRES][,up=z], shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML (see 'earshot --help')")
+                  "Mesh or point cloud file[,unit=METRES][,up=z][,cell=METRES], shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML "
+                  "(see 'earshot --help')")
       ->required();
   axes.add_to(command);
 }
@@ -42,6 +46,7 @@ SceneOverrides SceneOptions::overrides() const {
   overrides.unit_m = axes.unit_m;
   if (simplify_m) overrides.simplify_m = static_cast<float>(*simplify_m);
   overrides.up = axes.up_axis();
+  overrides.cell_m = axes.cell_m;
   return overrides;
 }
 

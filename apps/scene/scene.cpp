@@ -126,6 +126,17 @@ void print_axes(const ExaminedScene& examined) {
              guess.up ? fmt::format("probably {}: ", *guess.up) : "", guess.up_why);
 }
 
+/// How points became a surface.
+void print_cloud(const ExaminedScene& examined) {
+  const std::optional<CloudReport>& cloud = examined.scene->import_report().cloud;
+  if (!cloud) return;
+  fmt::print("point cloud      {} points ({} invalid and {} stray left out), cell {:g} m ({})\n", cloud->points, cloud->invalid_points,
+             cloud->stray_points, cloud->cell_m,
+             cloud->is_cell_given ? "given" : fmt::format("default, median spacing {:.2g} m", cloud->spacing_m));
+  fmt::print("closed holes     {}, {:.2f} m2, {:.2f} m wide at most; {:.1f} m3 of air enclosed, {:.1f} m3 unseen behind surfaces\n",
+             cloud->holes, cloud->hole_area_m2, cloud->closed_width_m, cloud->air_m3, cloud->unseen_m3);
+}
+
 void print_mesh(const ExaminedScene& examined) {
   const Scene& scene = *examined.scene;
   const SceneReport& report = examined.report;
@@ -141,6 +152,7 @@ void print_mesh(const ExaminedScene& examined) {
     fmt::print("origin           computation origin ({:.9g}, {:.9g}, {:.9g}); all positions are those of the file\n", scene.origin_m().x,
                scene.origin_m().y, scene.origin_m().z);
   print_axes(examined);
+  print_cloud(examined);
   for (const std::string& warning : examined.warnings) fmt::print("warning          {}\n", warning);
 }
 
@@ -230,6 +242,23 @@ Json axes_json(const ExaminedScene& examined) {
           {"up_why", guess.up_why}};
 }
 
+/// null for what is not a point cloud.
+Json cloud_json(const ExaminedScene& examined) {
+  const std::optional<CloudReport>& cloud = examined.scene->import_report().cloud;
+  if (!cloud) return nullptr;
+  return {{"points", cloud->points},
+          {"invalid_points", cloud->invalid_points},
+          {"stray_points", cloud->stray_points},
+          {"cell_m", cloud->cell_m},
+          {"cell_given", cloud->is_cell_given},
+          {"spacing_m", cloud->is_cell_given ? Json(nullptr) : Json(cloud->spacing_m)},
+          {"closed_width_m", cloud->closed_width_m},
+          {"holes", cloud->holes},
+          {"hole_area_m2", cloud->hole_area_m2},
+          {"air_m3", cloud->air_m3},
+          {"unseen_m3", cloud->unseen_m3}};
+}
+
 Json report_json(const ExaminedScene& examined, const EffectPlan& plan) {
   const Scene& scene = *examined.scene;
   const SceneReport& report = examined.report;
@@ -244,6 +273,7 @@ Json report_json(const ExaminedScene& examined, const EffectPlan& plan) {
           {"origin_m", point_json(scene.origin_m())},
           {"warnings", examined.warnings},
           {"axes", axes_json(examined)},
+          {"cloud", cloud_json(examined)},
           {"surfaces", surfaces_json(scene)},
           {"open_edges", report.open_edges},
           {"ray_efficiency", report.ray_efficiency},

@@ -28,6 +28,7 @@ struct SceneOptions {
   std::optional<double> unit_m = std::nullopt;       ///< metres per unit of a mesh file; default: what a scene YAML says, else 1
   std::optional<double> simplify_m = std::nullopt;   ///< a mesh is simplified within this distance
   std::string up = {};                               ///< axis of a mesh file that points up, y or z; empty: what a scene YAML says, else y
+  std::optional<double> cell_m = std::nullopt;       ///< edge of the voxels of a point cloud; default: the scene YAML, else its points
 };
 
 /// One line of the effect plan: whether an effect is simulated in a scene, and the bound that the decision rests on.
@@ -65,8 +66,8 @@ struct PlaceOptions {
 /// Cost:    a mesh of 100,000 triangles loads in about a second; the effect plan takes milliseconds, at the first call that needs it.
 class Scene {
  public:
-  /// @param spec  a mesh file (glb, gltf, obj, ply, stl), `shoebox:XxYxZ[@ABSORPTION]`, `house:SEED[,key=value]`, `floor:SEED`, or a scene
-  ///              YAML.
+  /// @param spec  a mesh file (glb, gltf, obj, ply, stl), a point cloud (ply, pcd, xyz, las), `shoebox:XxYxZ[@ABSORPTION]`,
+  ///              `house:SEED[,key=value]`, `floor:SEED`, or a scene YAML.
   /// @param options  acoustics, and the units of a mesh file.
   /// @throws InputError for a scene that cannot be read, an unknown preset or setting, or a value out of range.
   explicit Scene(const std::string& spec, const SceneOptions& options = {});

@@ -183,12 +183,13 @@ class Scene:
 
     A source or a listener outside of a closed scene raises InputError.
 
-    :param spec: A mesh file, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.
+    :param spec: A mesh file, a point cloud, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.
     :param preset: "fast", "balanced" or "high".
     :param settings: A dict, an ``earshot.config.Acoustics`` or texts "key=value" that replace keys of the preset, as
         ``earshot rir --set``.
     :param unit_m: Metres per unit of a mesh file; the default is that of the scene YAML, else 1.
     :param up: Upward axis of a mesh file, "y" or "z"; the default is that of the scene YAML, else "y".
+    :param cell_m: Edge of the voxels of a point cloud in metres; the default is that of the scene YAML, else from its points.
 
     >>> scene = Scene("shoebox:6x3x5", preset="fast", settings={"rir_length_s": 0.2})
     >>> scene
@@ -208,6 +209,7 @@ class Scene:
         unit_m: float | None = None,
         simplify_m: float | None = None,
         up: str | None = None,
+        cell_m: float | None = None,
     ) -> None:
         self._recipe = (
             check.path(spec, "Scene", "spec"),
@@ -218,6 +220,7 @@ class Scene:
             None if unit_m is None else check.number(unit_m, "Scene", "unit_m", 0, above=True),
             None if simplify_m is None else check.number(simplify_m, "Scene", "simplify_m", 0),
             "" if up is None else check.one_of(up, "Scene", "up", ("y", "z")),
+            None if cell_m is None else check.number(cell_m, "Scene", "cell_m", 0, above=True),
         )
         name, of_preset, texts, *_ = self._recipe
         self._model = _engine.SceneModel(name, of_preset, list(texts), *self._recipe[3:])
@@ -349,7 +352,7 @@ def _scene_of(key: tuple[Any, ...]) -> Scene:
     """The scene of a recipe; refuses one whose content has changed since it was pickled."""
     if (alive := _SCENES.get(key)) is not None and alive._key() == key:
         return alive
-    spec, preset, settings, rate_hz, seed, unit_m, simplify_m, up, path, content = key
+    spec, preset, settings, rate_hz, seed, unit_m, simplify_m, up, cell_m, path, content = key
     if path and os.path.abspath(spec) != path:
         spec = path  # pickled in another folder
     with warnings.catch_warnings():
@@ -363,6 +366,7 @@ def _scene_of(key: tuple[Any, ...]) -> Scene:
             unit_m=unit_m,
             simplify_m=simplify_m,
             up=up or None,
+            cell_m=cell_m,
         )
     if scene._model.hash != content:
         raise InputError(f"{scene.name}: has changed since the scene was pickled; pickle it again")

@@ -140,12 +140,13 @@ void bind_scene(nb::module_& m) {
           "__init__",
           [](Scene* self, const std::string& spec, const std::string& preset, const std::vector<std::string>& settings,
              std::optional<double> rate_hz, std::optional<std::uint64_t> seed, std::optional<double> unit_m,
-             std::optional<double> simplify_m, const std::string& up) {
+             std::optional<double> simplify_m, const std::string& up, std::optional<double> cell_m) {
             new (self) Scene(interruptible([=](const std::stop_token&) {
-              return Scene(spec, {preset, Settings(settings), rate_hz, seed, unit_m, simplify_m, up});
+              return Scene(spec, {preset, Settings(settings), rate_hz, seed, unit_m, simplify_m, up, cell_m});
             }));
           },
-          "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), "up"_a)
+          "spec"_a, "preset"_a, "settings"_a, "rate_hz"_a.none(), "seed"_a.none(), "unit_m"_a.none(), "simplify_m"_a.none(), "up"_a,
+          "cell_m"_a.none())
       .def_prop_ro("name", &Scene::name)
       .def_prop_ro("hash", &Scene::hash)
       .def_prop_ro("num_triangles", &Scene::num_triangles)

@@ -128,6 +128,7 @@ def scene_calls(on: Things) -> list[Call]:
                 "unit_m": st.none(),
                 "simplify_m": st.none(),
                 "up": st.none(),
+                "cell_m": st.none(),
             },
         ),
         ("Scene.random_positions", positions, {"count": st.integers(0, 5), "height_m": st.floats(0.5, 2), "seed": seeds}),

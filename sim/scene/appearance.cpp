@@ -12,6 +12,7 @@
 #include "sim/scene/color.h"
 #include "sim/scene/materials/semantic_materials.h"
 #include "sim/scene/mesh_spec.h"
+#include "sim/scene/point_cloud/cloud_import.h"
 #include "sim/scene/scene_config.h"
 #include "sim/scene/surface_palette.h"
 
@@ -138,7 +139,7 @@ std::shared_ptr<const Appearance> load_appearance(const Scene& scene, const Scen
   if (overrides.up) config.import.up = *overrides.up;
   VisualMesh file;
   const bool generated = config.mesh.starts_with("shoebox:") || config.mesh.starts_with("house:") || config.mesh.starts_with("floor:");
-  if (!generated && is_mesh_file(config.mesh))
+  if (!generated && is_mesh_file(config.mesh) && !is_point_cloud(config.mesh))
     file = read_visual_mesh(config.mesh, config.import, scene.origin_m(), options.largest_texture_px);
   appearance->warnings = file.warnings;
   appearance->triangle_color = colors_of(scene, file);

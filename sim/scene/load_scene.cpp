@@ -12,6 +12,7 @@
 #include "sim/scene/materials/material_assignment.h"
 #include "sim/scene/mesh/mesh_simplify.h"
 #include "sim/scene/mesh_spec.h"
+#include "sim/scene/point_cloud/cloud_import.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_config.h"
@@ -38,7 +39,7 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
     const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
     for (const std::string& name : geometry.mesh.material_names) geometry.slot_materials.emplace_back(builtin.get(name, spec));
   } else {
-    ImportedMesh imported = import_mesh(spec, options);
+    ImportedMesh imported = is_point_cloud(spec) ? import_point_cloud(spec, options) : import_mesh(spec, options);
     geometry.mesh = std::move(imported.mesh);
     geometry.report = std::move(imported.report);
   }
@@ -69,6 +70,26 @@ void add_ceiling(Geometry& geometry, double world_height_m, const std::string& w
   }
 }
 
+/// What the SCENE text and the caller say of how a file is read goes over what a YAML says.
+void apply_choices(const std::string& spec, const MeshSpec& named, const SceneOverrides& overrides, SceneConfig& config) {
+  if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up) || (named.cell_m && overrides.cell_m))
+    throw InputError(spec, "already names a unit, an up axis or a cell, but another one was given", "give it once");
+  const bool is_file = is_mesh_file(config.mesh);
+  if (overrides.unit_m) {
+    if (!is_file) throw InputError(spec, "is generated in metres and takes no unit", "leave out the unit");
+    require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
+  }
+  if (overrides.up && !is_file) throw InputError(spec, "is generated with y up and takes no up axis", "leave out the up axis");
+  if (overrides.cell_m) {
+    if (!is_file) throw InputError(spec, "is generated and takes no cell", "leave out the cell");
+    require(*overrides.cell_m >= kMinCellM && *overrides.cell_m <= kMaxCellM, "cell", *overrides.cell_m, "must be in [0.001, 10] m");
+  }
+  if (const auto unit_m = named.unit_m ? named.unit_m : overrides.unit_m) config.import.unit_m = *unit_m, config.is_unit_given = true;
+  if (const auto up = named.up ? named.up : overrides.up) config.import.up = *up, config.is_up_given = true;
+  if (const auto cell_m = named.cell_m ? named.cell_m : overrides.cell_m) config.import.cell_m = *cell_m;
+  if (is_file && !config.is_up_given && is_las_file(config.mesh)) config.import.up = MeshImportOptions::Up::z;  // z is the height there
+}
+
 bool is_scene_yaml(const std::string& spec) {
   const std::string extension = fold_case(std::filesystem::path(spec).extension().string());
   return extension == ".yaml" || extension == ".yml";
@@ -79,30 +100,19 @@ bool is_scene_yaml(const std::string& spec) {
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   const bool yaml = is_scene_yaml(spec),
              generated = spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
-  const MeshSpec named = yaml || generated ? MeshSpec{.path = spec, .unit_m = {}, .up = {}} : parse_mesh_spec(spec);
+  const MeshSpec named = yaml || generated ? MeshSpec{.path = spec} : parse_mesh_spec(spec);
   if (!yaml && !generated && !is_mesh_file(named.path)) {
     throw InputError(spec, "is not a scene",
-                     "give a glb, gltf, obj, ply, stl or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
+                     "give a glb, gltf, obj, ply, stl, pcd, xyz, las or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
   }
   SceneConfig config;
   if (yaml)
     config = read_scene_config(spec);
   else
     config.mesh = named.path;
-  if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up))
-    throw InputError(spec, "already names a unit or an up axis, but another one was given", "give it once");
-  if (named.unit_m) config.import.unit_m = *named.unit_m, config.is_unit_given = true;
-  if (named.up) config.import.up = *named.up, config.is_up_given = true;
-
-  if (overrides.unit_m) {
-    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated in metres and takes no unit", "leave out the unit");
-    require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
-    config.import.unit_m = *overrides.unit_m;
-  }
-  if (overrides.up) {
-    if (!is_mesh_file(config.mesh)) throw InputError(spec, "is generated with y up and takes no up axis", "leave out the up axis");
-    config.import.up = *overrides.up;
-  }
+  if (yaml && (config.is_up_given || config.is_unit_given || config.import.cell_m) && !is_mesh_file(config.mesh))
+    throw InputError(spec, "up, unit_m and cell_m have no effect on a generated mesh", "remove them");
+  apply_choices(spec, named, overrides, config);
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
 
   std::vector<MaterialWarning> material_warnings;
@@ -111,15 +121,12 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
           ? MaterialDatabase::from_file(*config.materials, MaterialImport{.reading = config.coefficients, .warnings = &material_warnings})
           : MaterialDatabase::builtin();
   if (config.own_semantics) config.rules.semantics->require_materials(database);
-  if (yaml && (config.is_up_given || config.is_unit_given) && !is_mesh_file(config.mesh)) {
-    throw InputError(spec, "up and unit_m have no effect on a generated mesh", "remove them");
-  }
   Geometry geometry = make_geometry(config.mesh, config.import, database);
   if (is_mesh_file(config.mesh))
     geometry.report.axes = FileAxes{.unit_m = config.import.unit_m,
                                     .up = config.import.up == MeshImportOptions::Up::z ? 'z' : 'y',
-                                    .is_unit_given = config.is_unit_given || overrides.unit_m.has_value(),
-                                    .is_up_given = config.is_up_given || overrides.up.has_value()};
+                                    .is_unit_given = config.is_unit_given,
+                                    .is_up_given = config.is_up_given};
   for (const MaterialWarning& warning : material_warnings) {
     geometry.report.warnings.push_back(fmt::format("{}: {}: {}", config.materials->string(), warning.material, warning.text));
   }

@@ -13,20 +13,31 @@
 namespace earshot {
 namespace {
 
+/// nullopt for what is not a number in [lower, upper].
+std::optional<double> number_within(std::string_view text, double lower, double upper) {
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size() || !(number >= lower && number <= upper)) return std::nullopt;
+  return number;
+}
+
 void take_choice(MeshSpec& mesh, std::string_view text, const std::string& spec) {
   const std::size_t equals = text.find('=');
   const std::string_view key = text.substr(0, equals), value = equals == std::string_view::npos ? "" : text.substr(equals + 1);
   if (key == "unit" && !mesh.unit_m) {
-    double unit_m = 0;
-    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), unit_m);
-    if (error != std::errc() || end != value.data() + value.size() || !(unit_m >= 1e-6 && unit_m <= 1e6))
-      throw InputError(spec, fmt::format("has the unit '{}'", value), "write metres per unit of the file, in [1e-6, 1e6]");
-    mesh.unit_m = unit_m;
+    mesh.unit_m = number_within(value, 1e-6, 1e6);
+    if (!mesh.unit_m) throw InputError(spec, fmt::format("has the unit '{}'", value), "write metres per unit of the file, in [1e-6, 1e6]");
+  } else if (key == "cell" && !mesh.cell_m) {
+    mesh.cell_m = number_within(value, kMinCellM, kMaxCellM);
+    if (!mesh.cell_m)
+      throw InputError(spec, fmt::format("has the cell '{}'", value),
+                       fmt::format("write the edge of a voxel in metres, in [{:g}, {:g}]", kMinCellM, kMaxCellM));
   } else if (key == "up" && !mesh.up) {
     if (value != "y" && value != "z") throw InputError(spec, fmt::format("has the up axis '{}'", value), "write up=y or up=z");
     mesh.up = value == "z" ? MeshImportOptions::Up::z : MeshImportOptions::Up::y;
   } else {
-    throw InputError(spec, fmt::format("has '{}' after the file", text), "write FILE,unit=METRES or FILE,up=y or FILE,up=z, each once");
+    throw InputError(spec, fmt::format("has '{}' after the file", text),
+                     "write FILE,unit=METRES or FILE,up=y or FILE,up=z or FILE,cell=METRES, each once");
   }
 }
 
@@ -39,7 +50,7 @@ bool is_there(const std::string& path) {
 
 MeshSpec parse_mesh_spec(const std::string& spec) {
   for (std::size_t comma = spec.find(','); comma != std::string::npos; comma = spec.find(',', comma + 1)) {
-    MeshSpec mesh{.path = spec.substr(0, comma), .unit_m = {}, .up = {}};
+    MeshSpec mesh{.path = spec.substr(0, comma)};
     if (!is_mesh_file(mesh.path)) continue;
     if (is_there(spec)) break;
     std::string_view rest = std::string_view(spec).substr(comma + 1);
@@ -50,19 +61,20 @@ MeshSpec parse_mesh_spec(const std::string& spec) {
       rest.remove_prefix(end + 1);
     }
   }
-  return {.path = spec, .unit_m = {}, .up = {}};
+  return {.path = spec};
 }
 
-std::string add_mesh_choices(const std::string& spec, std::optional<double> unit_m, std::optional<MeshImportOptions::Up> up) {
-  if (!unit_m && !up) return spec;
+std::string add_mesh_choices(const std::string& spec, const MeshChoices& choices) {
+  if (choices.is_empty()) return spec;
   const MeshSpec mesh = parse_mesh_spec(spec);
-  if (!is_mesh_file(mesh.path)) throw InputError(spec, "is not a mesh file, but --unit or --up was given", "leave them out");
-  if ((mesh.unit_m && unit_m) || (mesh.up && up))
-    throw InputError(spec, "already names a unit or an up axis, but --unit or --up was given", "give it once");
+  if (!is_mesh_file(mesh.path)) throw InputError(spec, "is not a mesh file, but --unit, --up or --cell was given", "leave them out");
+  if ((mesh.unit_m && choices.unit_m) || (mesh.up && choices.up) || (mesh.cell_m && choices.cell_m))
+    throw InputError(spec, "already names a unit, an up axis or a cell, but --unit, --up or --cell was given", "give it once");
   std::string all = spec;
-  if (unit_m) all += fmt::format(",unit={}", *unit_m);
-  if (up) all += *up == MeshImportOptions::Up::z ? ",up=z" : ",up=y";
-  parse_mesh_spec(all);  // checks the unit
+  if (choices.unit_m) all += fmt::format(",unit={}", *choices.unit_m);
+  if (choices.up) all += *choices.up == MeshImportOptions::Up::z ? ",up=z" : ",up=y";
+  if (choices.cell_m) all += fmt::format(",cell={}", *choices.cell_m);
+  parse_mesh_spec(all);  // checks the numbers
   return all;
 }
 

@@ -80,11 +80,12 @@ struct SceneOverrides {
   std::optional<double> unit_m;                            ///< metres per unit of a mesh file, as unit_m in a scene YAML
   std::optional<float> simplify_m;                         ///< mesh_simplify.h, as simplify_m in a scene YAML
   std::optional<MeshImportOptions::Up> up = std::nullopt;  ///< axis that points up in a mesh file, as up in a scene YAML
+  std::optional<double> cell_m = std::nullopt;             ///< edge of the voxels of a point cloud, as cell_m in a scene YAML
 };
 
-/// Loads any SCENE of the command line: a mesh file (`FILE[,unit=M][,up=z]`, mesh_spec.h), `shoebox:XxYxZ[@M]` (shoebox.h),
-/// `house:SEED[,key=value...]` (house_generator.h), `floor:SEED[,key=value...]` (floor_plan.h), or a scene YAML (keys: scene_config.h).
-/// Assignment of materials: material_assignment.h.  Throws InputError, one clear line.
+/// Loads any SCENE of the command line: a mesh file or a point cloud (`FILE[,unit=M][,up=z][,cell=M]`, mesh_spec.h), `shoebox:XxYxZ[@M]`
+/// (shoebox.h), `house:SEED[,key=value...]` (house_generator.h), `floor:SEED[,key=value...]` (floor_plan.h), or a scene YAML (keys:
+/// scene_config.h). Assignment of materials: material_assignment.h.  Throws InputError, one clear line.
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides = {});
 
 }  // namespace earshot

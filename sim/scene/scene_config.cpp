@@ -70,6 +70,8 @@ void read_mesh(ConfigReader& reader, SceneConfig& config) {
   reader.read_choice<MeshImportOptions::Up>("up", config.import.up, {{"y", MeshImportOptions::Up::y}, {"z", MeshImportOptions::Up::z}},
                                             "Axis of the mesh file that points up.");
   reader.read("unit_m", config.import.unit_m, Allowed::between(1e-6, 1e6), "Length of one unit of the mesh file.");
+  reader.read("cell_m", config.import.cell_m, Allowed::between(kMinCellM, kMaxCellM),
+              "Edge of the voxels of a point cloud. Absent: from the spacing of its points.");
   reader.read("ceiling_m", config.ceiling_m, Allowed::any(),
               "Height of a lid over the bounding rectangle, called ceiling_lid. Absent: no lid.");
   reader.read("simplify_m", config.simplify_m, Allowed::above(0).up_to(1),

@@ -19,6 +19,7 @@ namespace earshot {
 ///   mesh: ../meshes/house.glb        # required; relative to this file, or shoebox:... or house:...
 ///   up: y                            # axis that points up in the mesh file: y (default) or z
 ///   unit_m: 1                        # metres per unit of the mesh file
+///   cell_m: 0.05                     # edge of the voxels of a point cloud; without it five times the median spacing of its points
 ///   ceiling_m: 3                     # adds a lid over the bounding rectangle at this height (world y, after up and unit_m); its
 ///                                    # slot and its object are called ceiling_lid
 ///   simplify_m: 0.01                 # lets the surface move by this much to save triangles (mesh_simplify.h); not done without it

@@ -76,6 +76,22 @@ Material take_material(ByteReader& reader) {
   return material;
 }
 
+/// The fields of a report on a point cloud, one by one.
+template <class Report, class Visit>
+void visit_cloud(Report& cloud, Visit visit) {
+  visit(cloud.points);
+  visit(cloud.invalid_points);
+  visit(cloud.stray_points);
+  visit(cloud.cell_m);
+  visit(cloud.is_cell_given);
+  visit(cloud.spacing_m);
+  visit(cloud.closed_width_m);
+  visit(cloud.holes);
+  visit(cloud.hole_area_m2);
+  visit(cloud.air_m3);
+  visit(cloud.unseen_m3);
+}
+
 void put_report(ByteWriter& writer, const ImportReport& report) {
   for (const std::uint64_t count : {report.triangles_read, report.degenerate_removed, report.duplicate_removed, report.vertices_welded})
     writer.put(count);
@@ -96,6 +112,8 @@ void put_report(ByteWriter& writer, const ImportReport& report) {
   const FileAxes axes = report.axes.value_or(FileAxes{});
   writer.put(axes.unit_m);
   for (const char flag : {axes.up, static_cast<char>(axes.is_unit_given), static_cast<char>(axes.is_up_given)}) writer.put(flag);
+  writer.put(static_cast<std::uint8_t>(report.cloud.has_value()));
+  if (report.cloud) visit_cloud(*report.cloud, [&](const auto& value) { writer.put(value); });
 }
 
 MaterialChoice take_choice(ByteReader& reader) {
@@ -130,6 +148,13 @@ ImportReport take_report(ByteReader& reader) {
   axes.is_unit_given = reader.take<char>() != 0;
   axes.is_up_given = reader.take<char>() != 0;
   if (has_axes) report.axes = axes;
+  if (reader.take<std::uint8_t>() != 0)
+    visit_cloud(report.cloud.emplace(), [&]<class Value>(Value& value) {
+      if constexpr (std::is_same_v<Value, bool>)
+        value = reader.take<std::uint8_t>() != 0;
+      else
+        value = reader.take<Value>();
+    });
   return report;
 }
 

@@ -40,6 +40,21 @@ struct FileAxes {
   bool is_unit_given = false, is_up_given = false;  ///< by the user; otherwise they are the defaults
 };
 
+/// How a point cloud became a closed surface.
+struct CloudReport {
+  std::uint64_t points = 0;          ///< of the file
+  std::uint64_t invalid_points = 0;  ///< left out: a coordinate that is not finite, or withheld (LAS)
+  std::uint64_t stray_points = 0;    ///< left out: far from the surfaces
+  double cell_m = 0;                 ///< edge of a voxel
+  bool is_cell_given = false;        ///< by the user; otherwise from the spacing
+  double spacing_m = 0;              ///< median distance of a point from its nearest neighbour; 0 if the cell was given
+  double closed_width_m = 0;         ///< openings up to this width were closed
+  std::uint64_t holes = 0;           ///< closed ones of nine voxels and more
+  double hole_area_m2 = 0;           ///< of all closed places, gaps between points among them
+  double air_m3 = 0;                 ///< enclosed by the surface
+  double unseen_m3 = 0;              ///< within the bounds, neither that air nor outside: behind surfaces, in walls and furniture
+};
+
 /// What import repaired, as counts, and what it found odd, one line each (unmatched pattern, suspicious size, lowered transmission).
 struct ImportReport {
   std::uint64_t triangles_read = 0, degenerate_removed = 0, duplicate_removed = 0, vertices_welded = 0;
@@ -48,6 +63,7 @@ struct ImportReport {
   std::vector<MaterialChoice> choices;  ///< per material slot of the mesh; empty where nothing was assigned
   bool has_semantics = false;           ///< whether categories play a part
   std::optional<FileAxes> axes;         ///< of a mesh file
+  std::optional<CloudReport> cloud;     ///< of a point cloud
 };
 
 }  // namespace earshot

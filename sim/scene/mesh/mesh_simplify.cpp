@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 #include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -85,7 +86,7 @@ double distance_to_triangle(glm::dvec3 point, glm::dvec3 a, glm::dvec3 b, glm::d
   return std::abs(glm::dot(ap, normal)) / glm::length(normal);
 }
 
-SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
+SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m, std::optional<float> first_target_m) {
   require(deviation_m > 0 && deviation_m <= 1, "simplify_m", deviation_m, "must be in (0, 1] m");
   SimplifyReport report;
   report.triangles_before = mesh.triangles.size();
@@ -103,7 +104,7 @@ SimplifyReport simplify_mesh(TriangleMesh& mesh, float deviation_m) {
     Corners left = part;
     double moved_m = 0;
     // The quadric error can be far off on thin and folded parts: a part with too large an error is simplified again, less.
-    for (float target_m = deviation_m; target_m > least_fraction * deviation_m; target_m *= 0.5f) {
+    for (float target_m = first_target_m.value_or(deviation_m); target_m > least_fraction * deviation_m; target_m *= 0.5f) {
       const Corners candidate = simplify_part(mesh, part, target_m);
       const double candidate_m = deviation_of(mesh, part, candidate);
       if (candidate_m > deviation_m) continue;

@@ -72,6 +72,17 @@ TEST(SceneImage, MaterialsAndReportComeBackWhole) {
   report.choices = {{MaterialReason::category, "wall", true}};
   report.has_semantics = true;
   report.axes = FileAxes{.unit_m = 0.01, .up = 'z', .is_unit_given = true};
+  report.cloud = CloudReport{.points = 7,
+                             .invalid_points = 1,
+                             .stray_points = 2,
+                             .cell_m = 0.05,
+                             .is_cell_given = true,
+                             .spacing_m = 0.01,
+                             .closed_width_m = 0.4,
+                             .holes = 3,
+                             .hole_area_m2 = 1.5,
+                             .air_m3 = 60,
+                             .unseen_m3 = 2};
   const Air air{.temperature_c = 10.f, .humidity_percent = 30.f, .speed_of_sound_m_per_s = 343.f};
   const Scene scene("a name", mesh, {wall}, air, report);
   const Scene back = decode_scene(encode_scene(scene), "memory");
@@ -106,6 +117,13 @@ TEST(SceneImage, MaterialsAndReportComeBackWhole) {
   EXPECT_EQ(back.import_report().axes->up, 'z');
   EXPECT_TRUE(back.import_report().axes->is_unit_given);
   EXPECT_FALSE(back.import_report().axes->is_up_given);
+  ASSERT_TRUE(back.import_report().cloud);
+  EXPECT_EQ(back.import_report().cloud->points, 7u);
+  EXPECT_EQ(back.import_report().cloud->stray_points, 2u);
+  EXPECT_TRUE(back.import_report().cloud->is_cell_given);
+  EXPECT_EQ(back.import_report().cloud->closed_width_m, 0.4);
+  EXPECT_EQ(back.import_report().cloud->holes, 3u);
+  EXPECT_EQ(back.import_report().cloud->unseen_m3, 2);
 }
 
 TEST(SceneImage, AnEmptySceneIsOneToo) {
