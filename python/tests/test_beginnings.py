@@ -27,12 +27,10 @@ class Kind:
     def __init__(self, name: str, **config: Any) -> None:
         config = {**SMALL, **config}
         makers: dict[str, Callable[[], Any]] = {
-            "single": lambda: earshot.make(config),
+            "single": lambda: earshot.make(config, first_env=0),
             "vector": lambda: earshot.make_vec(config, 2, autoreset_mode="same_step", copy=True),
             "vector, off": lambda: earshot.make_vec(config, 2, autoreset_mode="disabled", copy=True),
-            "agents": lambda: earshot.parallel_env(
-                {**config, "agents": 2},
-            ),
+            "agents": lambda: earshot.parallel_env({**config, "agents": 2}, first_env=0),
             "plain": lambda: PlainBatch(config, 2),
         }
         self.name = name
