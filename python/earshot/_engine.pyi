@@ -30,6 +30,7 @@ class SceneModel:
         unit_m: float | None,
         simplify_m: float | None,
         up: str,
+        cell_m: float | None,
     ) -> None: ...
     @property
     def name(self) -> str: ...
