@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Batches in the forms that training frameworks take; each module imports its framework.
+"""Batches in the forms that training frameworks take, and runs and episodes for trackers and viewers; each module imports its package.
 
 stable_baselines3: EarshotVecEnv.  torchrl: EarshotTorchRLEnv.  rllib: register, make_rllib_vec.  pufferlib: EarshotPufferEnv.
+runs: follow, points.  tracking: WandbLogger, MlflowLogger, TensorBoardLogger, log_run.  rerun: export.
 sample_factory: register, EarshotSampleFactoryEnv.  Gymnasium, CleanRL, PettingZoo and SuperSuit take what earshot.make_vec and
 earshot.parallel_env return.
 """
