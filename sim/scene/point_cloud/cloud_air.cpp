@@ -13,6 +13,7 @@
 namespace earshot {
 namespace {
 
+constexpr double kDeepestPlaceM = 2;      // that air reaches through passages narrower than the closed width
 constexpr double kRoomRadiusM = 0.45;     // of a ball that fits into every room
 constexpr int kSmallestRoom = 4;          // the same in voxels, where no room is that large
 constexpr int kMaxRadius = 62;            // in voxels: distances are bytes
@@ -98,10 +99,10 @@ struct Claim {
 
 /// Rooms and outside take the band between them, from the middle of openings towards the surfaces (a watershed of the distances: Vincent
 /// and Soille 1991), so that they meet where openings are narrowest.  Returns the voxels that rooms took.
-std::uint64_t grow_back(VoxelField& field, int radius) {
+std::uint64_t grow_back(VoxelField& field, int radius, double cell_m) {
   std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(radius) + 1);
-  // A corner of a room is three times the radius away; what is farther lies behind walls.
-  const int most_steps = 3 * radius + 3;
+  // A corner of a room is three times the radius away, and narrow places behind furniture some more; what is farther lies within walls.
+  const int most_steps = 3 * radius + 3 + static_cast<int>(kDeepestPlaceM / cell_m);
   const auto claim_around = [&](const Claim& from, int level) {
     for (const glm::ivec3 step : kFaceSteps) {
       const glm::ivec3 near = from.voxel + step;
@@ -132,7 +133,7 @@ std::uint64_t grow_back(VoxelField& field, int radius) {
 }
 
 /// Labels everything for one half width.  room_radius: in voxels.  Returns the voxels of air.
-std::uint64_t label_air(VoxelField& field, int radius, int room_radius) {
+std::uint64_t label_air(VoxelField& field, int radius, int room_radius, double cell_m) {
   field.reset_labels(radius);
   field.flood({0, 0, 0}, VoxelLabel::outside);
   std::vector<glm::ivec3> seeds;
@@ -147,7 +148,7 @@ std::uint64_t label_air(VoxelField& field, int radius, int room_radius) {
     field.flood(seed, is_room ? VoxelLabel::air : VoxelLabel::pocket);
     if (is_room) air += part.count;
   }
-  if (air > 0) air += grow_back(field, radius);
+  if (air > 0) air += grow_back(field, radius, cell_m);
   return air;
 }
 
@@ -196,12 +197,12 @@ CloudAir find_cloud_air(const PointVoxels& points, VoxelField& field, const std:
   const int usual_room = std::clamp(static_cast<int>(kRoomRadiusM / cell_m), kSmallestRoom, std::max(kSmallestRoom, radii.back() + 1));
   for (const int room_radius : {usual_room, kSmallestRoom}) {
     std::vector<std::uint64_t> air;
-    for (const int radius : radii) air.push_back(label_air(field, radius, room_radius));
+    for (const int radius : radii) air.push_back(label_air(field, radius, room_radius, cell_m));
     const std::uint64_t most = *std::ranges::max_element(air);
     if (most == 0) continue;
     std::size_t chosen = 0;
     while (static_cast<double>(air[chosen]) < kEnough * static_cast<double>(most)) ++chosen;
-    label_air(field, radii[chosen], room_radius);
+    label_air(field, radii[chosen], room_radius, cell_m);
     CloudAir found{.closed_width_m = 2 * radii[chosen] * cell_m, .holes = count_holes(field)};
     field.for_each([&](glm::ivec3, int, VoxelLabel label, int count) {
       if (label == VoxelLabel::band || label == VoxelLabel::pocket) found.unseen += static_cast<std::uint64_t>(count);
