@@ -16,8 +16,8 @@ namespace earshot {
 /// are closed, walls need two cells of thickness, and openings are closed up to the smallest width that encloses the air, at most 2 m.
 ///
 /// Throws InputError: what read_point_file refuses, a point too far from the origin, a cloud that encloses no air, and a cell so small that
-/// the voxels exceed their limits (kMaxBlocks, kMaxDenseBlocks: 2 GB).  Same points, same bits; one thread.  9 s of a busy core and 0.45 GB for
-/// 2 million points of a house at 5 cm.
+/// the voxels exceed their limits (kMaxBlocks, kMaxDenseBlocks: 2 GB).  Same points, same bits; one thread.  9 s of a busy core and 0.45 GB
+/// for 2 million points of a house at 5 cm.
 ImportedMesh import_point_cloud(const std::filesystem::path& path, const MeshImportOptions& options = {});
 
 }  // namespace earshot

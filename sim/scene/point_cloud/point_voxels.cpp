@@ -15,7 +15,7 @@
 namespace earshot {
 namespace {
 
-constexpr double kNoiseShare = 0.2;       // of the points of a neighbour
+constexpr double kNoiseFraction = 0.2;    // of the points of a neighbour
 constexpr std::size_t kStrayVoxels = 10;  // groups of fewer are stray
 
 using KeyedPoints = std::vector<std::pair<std::uint64_t, std::uint32_t>>;  // voxel, index of the point
@@ -84,7 +84,7 @@ void merge_noise(std::vector<VoxelPoints>& voxels) {
         if (found != index.end() && voxels[found->second].count > voxels[best].count) best = found->second;
       }
     }
-    target[i] = double{1} * voxels[i].count < kNoiseShare * voxels[best].count ? best : i;
+    target[i] = double{1} * voxels[i].count < kNoiseFraction * voxels[best].count ? best : i;
   }
   for (std::uint32_t i = 0; i < voxels.size(); ++i)
     if (target[i] != i && target[target[i]] == target[i]) add_points(voxels[target[i]], voxels[i]);
