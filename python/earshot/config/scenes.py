@@ -58,6 +58,8 @@ class SceneConfig(Section):
     up: YZ = "y"
     #: Length of one unit of the mesh file. Range: 0.000001 to 1,000,000.
     unit_m: float = 1.0
+    #: Edge of the voxels of a point cloud. Absent: from the spacing of its points. Range: 0.001 to 10.
+    cell_m: float | None = None
     #: Height of a lid over the bounding rectangle, called ceiling_lid. Absent: no lid.
     ceiling_m: float | None = None
     #: Distance by which surfaces may move to save triangles. Absent: no simplification. Range: above 0 and at most 1.
