@@ -6,6 +6,8 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/text_match.h"
+#include "sim/scene/annotations/annotated_import.h"
+#include "sim/scene/annotations/other_formats.h"
 #include "sim/scene/generators/floor_plan.h"
 #include "sim/scene/generators/house_generator.h"
 #include "sim/scene/generators/shoebox.h"
@@ -27,7 +29,8 @@ struct Geometry {
   ImportReport report;
 };
 
-Geometry make_geometry(const std::string& spec, const MeshImportOptions& options, const MaterialDatabase& database) {
+Geometry make_geometry(const SceneConfig& config, const MaterialDatabase& database) {
+  const std::string& spec = config.mesh;
   Geometry geometry;
   if (spec.starts_with("shoebox:")) {
     Shoebox box = parse_shoebox(std::string_view(spec).substr(8), database);
@@ -39,7 +42,8 @@ Geometry make_geometry(const std::string& spec, const MeshImportOptions& options
     const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
     for (const std::string& name : geometry.mesh.material_names) geometry.slot_materials.emplace_back(builtin.get(name, spec));
   } else {
-    ImportedMesh imported = is_point_cloud(spec) ? import_point_cloud(spec, options) : import_mesh(spec, options);
+    ImportedMesh imported =
+        is_point_cloud(spec) ? import_point_cloud(spec, config.import) : import_annotated_mesh(spec, config.import, config.annotations);
     geometry.mesh = std::move(imported.mesh);
     geometry.report = std::move(imported.report);
   }
@@ -102,6 +106,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
              generated = spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
   const MeshSpec named = yaml || generated ? MeshSpec{.path = spec} : parse_mesh_spec(spec);
   if (!yaml && !generated && !is_mesh_file(named.path)) {
+    refuse_other_formats(named.path);
     throw InputError(spec, "is not a scene",
                      "give a glb, gltf, obj, ply, stl, pcd, xyz, las or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
   }
@@ -121,7 +126,10 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
           ? MaterialDatabase::from_file(*config.materials, MaterialImport{.reading = config.coefficients, .warnings = &material_warnings})
           : MaterialDatabase::builtin();
   if (config.own_semantics) config.rules.semantics->require_materials(database);
-  Geometry geometry = make_geometry(config.mesh, config.import, database);
+  refuse_other_formats(config.mesh);
+  if (config.annotations && (!is_mesh_file(config.mesh) || is_point_cloud(config.mesh)))
+    throw InputError(spec, "annotations have no effect on a generated mesh or a point cloud", "remove them");
+  Geometry geometry = make_geometry(config, database);
   if (is_mesh_file(config.mesh))
     geometry.report.axes = FileAxes{.unit_m = config.import.unit_m,
                                     .up = config.import.up == MeshImportOptions::Up::z ? 'z' : 'y',

@@ -80,6 +80,10 @@ void read_mesh(ConfigReader& reader, SceneConfig& config) {
 
 void read(ConfigReader& reader, const std::filesystem::path& path, SceneConfig& config) {
   read_mesh(reader, config);
+  std::optional<std::string> annotations;
+  reader.read("annotations", annotations, Allowed::text("a .house, an info_semantic.json or a .semantic.txt, relative to this file"),
+              "Categories of the surfaces of a scanned mesh. Absent: the file beside the mesh that the data set calls so.");
+  if (annotations) config.annotations = beside(path, *annotations);
   std::optional<std::string> materials;
   reader.read("materials", materials, Allowed::text("a material database"), "Material database (JSON). Absent: the built-in one.");
   if (materials) config.materials = beside(path, *materials);

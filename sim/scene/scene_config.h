@@ -25,6 +25,8 @@ namespace earshot {
 ///   simplify_m: 0.01                 # lets the surface move by this much to save triangles (mesh_simplify.h); not done without it
 ///   materials: my_materials.json     # material database; the built-in one without it
 ///   coefficients: energy             # what the numbers of `materials` mean: energy or pressure; default: what the file says, else energy
+///   annotations: rooms.house         # categories of the surfaces, where they are not beside the mesh by the names that data sets ship
+///                                    # (annotations/annotation_files.h): .house, info_semantic.json or .semantic.txt
 ///   semantics: indoor                # materials by semantic category of mesh-material and node names: indoor, or a file as
 ///                                    # configs/semantic_materials.yaml; without it categories play no part
 ///   label_matching: exact            # labels of the database as whole words, or legacy_substring: as the predecessor does
@@ -41,6 +43,7 @@ struct SceneConfig {
   bool is_up_given = false, is_unit_given = false;
   std::optional<double> ceiling_m;  ///< in world coordinates
   std::optional<float> simplify_m;
+  std::optional<std::filesystem::path> annotations;  ///< of the surfaces of a mesh file; found by its name without it
   std::optional<std::filesystem::path> materials;
   std::optional<CoefficientReading> coefficients;
   MaterialRules rules;

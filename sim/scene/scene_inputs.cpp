@@ -13,6 +13,7 @@
 #include "sim/base/files.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/text_match.h"
+#include "sim/scene/annotations/annotation_files.h"
 #include "sim/scene/mesh_spec.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/readers/obj_materials.h"
@@ -119,13 +120,29 @@ std::set<std::string> pictures_of_libraries(const std::set<std::string>& files) 
   return pictures;
 }
 
-void add_mesh(InputHash& hash, const std::string& spec) {
-  if (is_generated(spec)) return hash.add_text(spec);
-  const fs::path mesh(spec);
-  if (!is_mesh_file(mesh)) throw Unknown{};
+void add_mesh_file(InputHash& hash, const fs::path& mesh) {
   const std::string bytes = hash.add_file(mesh), extension = fold_case(mesh.extension().string());
   if (extension == ".gltf" || extension == ".glb") add_uris(hash, mesh, bytes);
   if (extension == ".obj") add_material_libraries(hash, mesh, bytes);
+}
+
+/// names: the file of annotations that the user names, or none.
+void add_mesh(InputHash& hash, const std::string& spec, const std::optional<fs::path>& names = std::nullopt) {
+  if (is_generated(spec)) return hash.add_text(spec);
+  const fs::path mesh(spec);
+  if (!is_mesh_file(mesh)) throw Unknown{};
+  add_mesh_file(hash, mesh);
+  std::vector<AnnotationFiles> pairs = possible_annotations(mesh);
+  if (names) pairs = {{*names, carrier_beside(*names)}};
+  for (const AnnotationFiles& files : pairs) {
+    hash.add_existing(files.names);
+    std::error_code error;
+    if (files.carrier == mesh) continue;
+    if (fs::is_regular_file(files.names, error) && fs::is_regular_file(files.carrier, error))
+      add_mesh_file(hash, files.carrier);
+    else
+      hash.add_text("absent");
+  }
 }
 
 void add_yaml(InputHash& hash, const fs::path& path) {
@@ -133,7 +150,9 @@ void add_yaml(InputHash& hash, const fs::path& path) {
   ConfigReader reader = ConfigReader::from_file(path);
   const auto beside = [&](const std::string& name) { return (path.parent_path() / name).lexically_normal(); };
   const std::string mesh = reader.scalar("mesh").value_or("");
-  add_mesh(hash, is_generated(mesh) ? mesh : beside(mesh).string());
+  std::optional<fs::path> names;
+  if (const auto annotations = reader.scalar("annotations")) names = beside(*annotations);
+  add_mesh(hash, is_generated(mesh) ? mesh : beside(mesh).string(), names);
   if (const auto materials = reader.scalar("materials")) hash.add_file(beside(*materials));
   if (const auto semantics = reader.scalar("semantics"); semantics && *semantics != "indoor") hash.add_file(beside(*semantics));
 }

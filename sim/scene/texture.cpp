@@ -13,9 +13,13 @@
 
 #include "sim/base/errors.h"
 #include "sim/scene/color.h"
+#include "sim/scene/texel.h"
 
 namespace earshot {
 namespace {
+
+/// Beyond this many repetitions a float has no texels left to tell apart, and an int no room.
+constexpr float kFarthestUv = 65536.f;
 
 constexpr int kLargestSide = 8192;  // rejects small files that expand to gigabytes
 
@@ -91,6 +95,8 @@ int wrapped(int index, int size, TextureWrap wrap) {
 
 }  // namespace
 
+bool is_texture(std::string_view bytes) { return bytes.starts_with("\x89PNG") || bytes.starts_with("\xFF\xD8"); }
+
 Texture decode_texture(std::string_view bytes, const std::string& where, int largest_px) {
   EARSHOT_EXPECT(largest_px > 0);
   Texture texture;
@@ -104,11 +110,18 @@ Texture decode_texture(std::string_view bytes, const std::string& where, int lar
   return texture;
 }
 
+std::array<std::uint8_t, 3> nearest_texel(const Texture& texture, glm::vec2 uv) {
+  const glm::vec2 at = glm::floor(glm::clamp(uv, -kFarthestUv, kFarthestUv) * glm::vec2(texture.width_px, texture.height_px));
+  const int row = wrapped(static_cast<int>(at.y), texture.height_px, texture.wrap_v),
+            column = wrapped(static_cast<int>(at.x), texture.width_px, texture.wrap_u);
+  const std::size_t index =
+      3 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(texture.width_px) + static_cast<std::size_t>(column));
+  return {texture.rgb[index], texture.rgb[index + 1], texture.rgb[index + 2]};
+}
+
 glm::vec3 sample_bilinear(const Texture& texture, glm::vec2 uv) {
-  // Beyond this many repetitions a float has no texels left to tell apart, and an int no room.
-  constexpr float farthest = 65536.f;
   const std::array<float, 256>& linear = srgb_values();
-  const glm::vec2 at = glm::clamp(uv, -farthest, farthest) * glm::vec2(texture.width_px, texture.height_px) - 0.5f;
+  const glm::vec2 at = glm::clamp(uv, -kFarthestUv, kFarthestUv) * glm::vec2(texture.width_px, texture.height_px) - 0.5f;
   const glm::vec2 lower = glm::floor(at), weight = at - lower;
   const int column = static_cast<int>(lower.x), row = static_cast<int>(lower.y);
   const auto texel = [&](int r, int c) {

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "sim/base/text/listed.h"
+#include "sim/scene/annotations/annotations.h"
 #include "sim/scene/checks/axes_guess.h"
 
 namespace earshot {
@@ -40,15 +41,20 @@ bool is_unnamed(const MaterialChoice& choice, bool has_semantics) {
   return has_semantics && choice.reason == MaterialReason::chosen_default && !choice.has_category;
 }
 
+/// Of annotated_import.h, which names the area without a category.
+bool is_about_annotations(std::string_view warning) { return warning.find("has no category in") != std::string_view::npos; }
+
 void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
   const ImportReport& report = scene.import_report();
   if (report.choices.size() != scene.materials().size()) return;
+  const bool is_annotated = std::ranges::any_of(report.warnings, is_about_annotations);
   const std::vector<double> areas = slot_areas(scene);
   std::vector<std::string> names, materials;
   double area_m2 = 0, all_m2 = 0;
   for (std::size_t slot = 0; slot < areas.size(); ++slot) {
     all_m2 += areas[slot];
     if (!is_unnamed(report.choices[slot], report.has_semantics)) continue;
+    if (is_annotated && scene.mesh().material_names[slot] == kUnlabelled) continue;
     area_m2 += areas[slot];
     names.push_back("'" + scene.mesh().material_names[slot] + "'");
     const std::string material = "'" + scene.materials()[slot].name + "'";

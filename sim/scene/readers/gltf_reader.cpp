@@ -176,9 +176,13 @@ std::vector<std::string> visit_gltf(const std::filesystem::path& path, const glm
   }
 }
 
-std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder) {
+std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder,
+                                   SurfaceNames* names) {
   return visit_gltf(path, file_to_world, [&](const GltfPrimitive& part) {
     builder.append(part.object, part.material, part.to_world, part.positions, part.corners, PositionDigits::floats);
+    if (!names) return;
+    const std::vector<std::uint32_t> numbers = names->of_primitive(part);  // all() is for after it
+    builder.name_last(numbers, names->all());
   });
 }
 

@@ -12,6 +12,7 @@
 
 #include "sim/scene/readers/gltf_buffers.h"
 #include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/readers/surface_names.h"
 
 namespace earshot {
 
@@ -32,8 +33,10 @@ std::vector<std::string> visit_gltf(const std::filesystem::path& path, const glm
 /// Gives the builder the triangles of a .gltf or .glb file (glTF 2.0): default scene, node transforms, instances (EXT_mesh_gpu_instancing),
 /// default weights of morph targets, indexed and plain triangles, strips and fans, sparse and quantized accessors, external, embedded and
 /// base64 buffers.  Objects are named by the node, else the mesh.  Returns warnings as visit_gltf does.
+/// names: of its surfaces, or null.
 /// Throws InputError.  Extensions that are required and not known are refused by name, compressed geometry (Draco, meshopt) among them, and
 /// so is a number of triangles that differs from what the accessors promise.
-std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder);
+std::vector<std::string> read_gltf(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder,
+                                   SurfaceNames* names = nullptr);
 
 }  // namespace earshot

@@ -42,6 +42,7 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   const std::uint32_t material_slot = intern_fast(mesh_.material_names, materials_, material);
   const std::uint32_t object_index = intern_fast(mesh_.object_names, objects_, object);
   double farthest = 0;
+  first_of_part_ = mesh_.triangles.size();
   for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
     for (std::size_t c = i; c < i + 3; ++c) {
       if (corners[c] >= positions.size()) {
@@ -65,6 +66,42 @@ void MeshBuilder::append(const std::string& object, const std::string& material,
   position_step_m_ = std::max(position_step_m_, 0x1p-23 * scale * std::exp2(std::floor(std::log2(farthest))));
 }
 
+void MeshBuilder::name_last(std::span<const std::uint32_t> numbers, std::span<const SurfaceName> names) {
+  EARSHOT_EXPECT(numbers.size() == mesh_.triangles.size() - first_of_part_);
+  has_names_ = true;
+  struct Slots {
+    std::uint32_t material = 0, object = 0;
+  };
+  std::unordered_map<std::uint32_t, Slots> slots_of_number;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const auto [found, is_new] = slots_of_number.try_emplace(numbers[i]);
+    if (is_new) {
+      const SurfaceName& name = names[numbers[i]];
+      found->second = {intern_fast(mesh_.material_names, materials_, name.category),
+                       intern_fast(mesh_.object_names, objects_, name.object)};
+    }
+    mesh_.triangle_material[first_of_part_ + i] = found->second.material;
+    mesh_.triangle_object[first_of_part_ + i] = found->second.object;
+  }
+}
+
+void MeshBuilder::drop_unused_names() {
+  const auto drop = [](std::vector<std::uint32_t>& slots, std::vector<std::string>& names) {
+    std::vector<std::uint32_t> new_slot(names.size(), 0);
+    for (const std::uint32_t slot : slots) new_slot[slot] = 1;
+    std::vector<std::string> kept;
+    for (std::size_t slot = 0; slot < names.size(); ++slot) {
+      const bool is_used = new_slot[slot] != 0;
+      new_slot[slot] = static_cast<std::uint32_t>(kept.size());
+      if (is_used) kept.push_back(std::move(names[slot]));
+    }
+    for (std::uint32_t& slot : slots) slot = new_slot[slot];
+    names = std::move(kept);
+  };
+  drop(mesh_.triangle_material, mesh_.material_names);
+  drop(mesh_.triangle_object, mesh_.object_names);
+}
+
 bool MeshBuilder::is_point_or_line(glm::uvec3 triangle) const {
   const glm::dvec3 a = world_[triangle.x], b = world_[triangle.y], c = world_[triangle.z];
   return a == b || b == c || c == a;
@@ -84,6 +121,7 @@ void MeshBuilder::finish() {
   mesh_.vertices.reserve(world_.size());
   for (const glm::dvec3 position : world_) mesh_.vertices.emplace_back(position - mesh_.origin_m);
   world_ = {};
+  if (has_names_) drop_unused_names();
 }
 
 std::uint32_t MeshBuilder::intern_fast(std::vector<std::string>& names, Index& index, const std::string& name) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "sim/scene/mesh/triangle_mesh.h"
+#include "sim/scene/readers/surface_names.h"
 
 namespace earshot {
 
@@ -27,6 +28,9 @@ class MeshBuilder {
   /// an index out of range.
   void append(const std::string& object, const std::string& material, const glm::dmat4& to_world, std::span<const glm::dvec3> positions,
               std::span<const std::uint32_t> corners, PositionDigits digits);
+  /// Gives the triangles of the last part the category as their material and the instance as their object.
+  /// numbers: per triangle, an index into `names`.
+  void name_last(std::span<const std::uint32_t> numbers, std::span<const SurfaceName> names);
   /// Writes the vertices and the origin of the mesh (origin_near, of the triangles).  Once, after the last part.
   void finish();
   /// Spacing of floats at the farthest position that was added as floats, in metres: the resolution of the file itself.
@@ -35,12 +39,15 @@ class MeshBuilder {
  private:
   using Index = std::unordered_map<std::string, std::uint32_t>;
   [[nodiscard]] bool is_point_or_line(glm::uvec3 triangle) const;
+  void drop_unused_names();
   static std::uint32_t intern_fast(std::vector<std::string>& names, Index& index, const std::string& name);
 
   std::string where_;
   TriangleMesh& mesh_;
   std::vector<glm::dvec3> world_;
   double position_step_m_ = 0;
+  std::size_t first_of_part_ = 0;  ///< triangle of the last part
+  bool has_names_ = false;         ///< by name_last
   Index materials_, objects_;
 };
 

@@ -12,6 +12,7 @@
 #include "sim/scene/readers/gltf_reader.h"
 #include "sim/scene/readers/mesh_builder.h"
 #include "sim/scene/readers/mesh_file.h"
+#include "sim/scene/readers/named_import.h"
 
 namespace earshot {
 namespace {
@@ -56,12 +57,17 @@ bool has_open_edge(const TriangleMesh& mesh) {
 
 /// OBJ, PLY and STL.  Returns the doubts of the reader.
 std::vector<std::string> read_file_parts(const std::filesystem::path& path, const glm::dmat4& file_to_world, MeshBuilder& builder,
-                                         ImportReport& report) {
+                                         SurfaceNames* names, NamedMesh& named) {
   MeshFile file = read_mesh_file(path);
-  for (const MeshPart& part : file.parts)
+  for (const MeshPart& part : file.parts) {
     builder.append(part.object, part.material, file_to_world, part.positions, part.corners,
                    part.has_floats ? PositionDigits::floats : PositionDigits::doubles);
-  report.warnings = std::move(file.warnings);
+    named.has_face_ids = named.has_face_ids || !part.triangle_ids.empty();
+    if (!names || part.triangle_ids.empty()) continue;
+    const std::vector<std::uint32_t> numbers = names->of_faces(part.triangle_ids);  // all() is for after it
+    builder.name_last(numbers, names->all());
+  }
+  named.imported.report.warnings = std::move(file.warnings);
   return std::move(file.doubts);
 }
 
@@ -81,7 +87,7 @@ glm::dmat4 file_to_world(const MeshImportOptions& options) {
                                                 : glm::dmat4(unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, 1);
 }
 
-ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options) {
+NamedMesh import_named_mesh(const std::filesystem::path& path, const MeshImportOptions& options, SurfaceNames* names) {
   EARSHOT_EXPECT(options.unit_m > 0);
   const std::string where = path.string();
   std::error_code error;
@@ -91,14 +97,15 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
     throw InputError(where, "has an unknown extension", "give a glb, gltf, obj, ply or stl file");
   if (options.cell_m) throw InputError(where, "has faces and takes no cell", "leave out the cell: point clouds alone take one");
 
-  ImportedMesh imported;
+  NamedMesh named;
+  ImportedMesh& imported = named.imported;
   const std::string extension = folded_extension(path);
   MeshBuilder builder(where, imported.mesh);
   std::vector<std::string> doubts;
   if (extension == ".glb" || extension == ".gltf")
-    imported.report.warnings = read_gltf(path, file_to_world(options), builder);
+    imported.report.warnings = read_gltf(path, file_to_world(options), builder, names);
   else
-    doubts = read_file_parts(path, file_to_world(options), builder, imported.report);
+    doubts = read_file_parts(path, file_to_world(options), builder, names, named);
   builder.finish();
   imported.report.triangles_read = imported.mesh.triangles.size();
   if (imported.mesh.triangles.empty()) throw InputError(where, "has no triangles", "export the file with its surfaces");
@@ -107,7 +114,11 @@ ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOpti
   if (!doubts.empty() && has_open_edge(imported.mesh))
     imported.report.warnings.insert(imported.report.warnings.end(), doubts.begin(), doubts.end());
   warn_about_size(imported.mesh, builder.position_step_m(), imported.report);
-  return imported;
+  return named;
+}
+
+ImportedMesh import_mesh(const std::filesystem::path& path, const MeshImportOptions& options) {
+  return import_named_mesh(path, options, nullptr).imported;
 }
 
 }  // namespace earshot

@@ -16,6 +16,8 @@ struct MeshPart {
   std::vector<glm::dvec3> positions;
   std::vector<std::uint32_t> corners;  ///< three per triangle, indices into positions
   bool has_floats = false;             ///< the file holds its positions as floats of four bytes
+  /// Number that the face of each triangle carries (object_id or face_segment of a PLY), -1 for none; empty where no face has one.
+  std::vector<std::int64_t> triangle_ids = {};
   // What it looks like, where that was asked for.  As in the file: encoded colours, v upwards.
   std::vector<glm::vec2> uvs = {};         ///< per position, or empty
   std::vector<glm::vec3> colors = {};      ///< per position, or empty

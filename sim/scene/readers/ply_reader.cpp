@@ -29,6 +29,11 @@ std::optional<int> column_of(const PlyProperty& property, bool with_looks) {
   return std::nullopt;
 }
 
+/// The number of the instance that a face belongs to: of Replica and Habitat, or of Matterport3D's own meshes.
+bool is_face_id(const PlyProperty& property) {
+  return !property.count_type && (property.name == "object_id" || property.name == "face_segment");
+}
+
 double largest_color(PlyType type) { return type == PlyType::uint8 ? 255 : type == PlyType::uint16 ? 65535 : 1; }
 
 class PlyParser {
@@ -107,8 +112,15 @@ class PlyParser {
     const auto lists = std::count_if(element.properties.begin(), element.properties.end(), is_corner_list);
     if (element.count > 0 && lists != 1) fail(fmt::format("the element '{}' has {} lists vertex_indices", element.name, lists));
     const bool is_strip = element.name == "tristrips";
+    const auto id = std::find_if(element.properties.begin(), element.properties.end(), is_face_id);
+    has_ids_ = has_ids_ || (id != element.properties.end() && element.count > 0);
     for (std::uint64_t i = 0; i < element.count; ++i) {
+      std::int64_t face_id = -1;
       for (const PlyProperty& property : element.properties) {
+        if (id != element.properties.end() && &property == &*id) {
+          face_id = body_.whole(property.type);
+          continue;
+        }
         if (!is_corner_list(property)) {
           skip(property);
           continue;
@@ -116,8 +128,9 @@ class PlyParser {
         const std::int64_t count = list_length(property);
         const std::size_t first = corners_.size();
         for (std::int64_t c = 0; c < count; ++c) corners_.push_back(corner(property, is_strip));
-        faces_.push_back({first, corners_.size() - first, is_strip});
+        faces_.push_back({first, corners_.size() - first, is_strip, -1});
       }
+      faces_.back().id = face_id;  // there is one list
       body_.end_element();
     }
   }
@@ -147,12 +160,13 @@ class PlyParser {
     std::uint64_t num_strips = 0;
     for (const Face& face : faces_) {
       const auto corners = std::span<const std::uint32_t>(corners_).subspan(face.first, face.count);
-      if (!face.is_strip) {
+      if (face.is_strip) {
+        ++num_strips;
+        cut_strip(corners);
+      } else {
         cutter.add(corners, part_);
-        continue;
       }
-      ++num_strips;
-      cut_strip(corners);
+      if (has_ids_) part_.triangle_ids.resize(part_.corners.size() / 3, face.id);
     }
     if (const std::string warning = cutter.warning(); !warning.empty()) warnings_.push_back(warning);
     MeshFile file{
@@ -181,6 +195,7 @@ class PlyParser {
   struct Face {
     std::size_t first, count;
     bool is_strip;
+    std::int64_t id;
   };
 
   const std::string& where_;
@@ -190,6 +205,7 @@ class PlyParser {
   MeshPart part_;
   std::vector<std::uint32_t> corners_;
   std::vector<Face> faces_;
+  bool has_ids_ = false;
   std::vector<std::string> warnings_, doubts_;
 };
 

@@ -12,7 +12,6 @@
 
 #include "sim/base/text/json.h"
 #include "tests/support/files/drawn_room.h"
-#include "tests/support/files/test_data.h"
 #include "tests/support/programs/cli.h"
 
 namespace earshot {
@@ -149,14 +148,6 @@ TEST_F(SceneWarningsCli, SceneSaysWhyASurfaceHasItsMaterial) {
   const glm::dvec3 s = room.size;
   EXPECT_NEAR(area_m2, 2 * (s.x * s.y + s.y * s.z + s.z * s.x), 1e-3);
   EXPECT_THAT(read("stdout"), HasSubstr("assign.Pan*"));
-}
-
-// Faces of a file of Replica carry numbers of objects, which stand in another file: no category is found, and that is said.
-TEST_F(SceneWarningsCli, FacesWithNumbersOfObjectsHaveNoCategory) {
-  SKIP_WITHOUT_DATA("field/c13_replica.yaml");
-  const std::string replica = (data_folder() / "field/c13_replica.yaml").string();
-  EXPECT_THAT(earshot("scene " + replica).output, HasSubstr("no semantic category was found for 1 of 1 surfaces (100 % of the area)"));
-  EXPECT_THAT(earshot("scene " + (data_folder() / "field/c13_control.yaml").string()).output, Not(HasSubstr("no semantic category")));
 }
 
 }  // namespace

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+
+namespace earshot {
+
+/// Throws InputError for a file of a data set that is no scene by itself, with what it is and what to give instead: .navmesh, .scn,
+/// .house, .semantic.txt, info_semantic.json, .scene_dataset_config.json, .scene_instance.json.  Returns for all else.
+void refuse_other_formats(const std::filesystem::path& path);
+
+}  // namespace earshot
