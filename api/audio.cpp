@@ -26,15 +26,15 @@ Audio convolve(const Audio& dry, const Rir& rir) {
                      "load the sound at the rate of the response");
   if (rir.num_channels < 1 || rir.num_samples < 1) throw InputError("rir", "is empty", "render a response first");
   FirConvolver convolver;
-  return {rir.num_channels, rir.sample_rate_hz, convolver.convolve(dry.samples, rir.samples, rir.num_channels)};
+  return {rir.num_channels, rir.sample_rate_hz, convolver.convolve(dry.samples, rir.samples, rir.num_channels), rir.channel_mask};
 }
 
 void write_wav(const std::filesystem::path& path, const Audio& audio) {
-  earshot::write_wav(path, audio.samples, audio.num_channels, static_cast<float>(audio.sample_rate_hz));
+  earshot::write_wav(path, audio.samples, audio.num_channels, static_cast<float>(audio.sample_rate_hz), audio.channel_mask);
 }
 
 void write_wav(const std::filesystem::path& path, const Rir& rir) {
-  earshot::write_wav(path, rir.samples, rir.num_channels, static_cast<float>(rir.sample_rate_hz));
+  earshot::write_wav(path, rir.samples, rir.num_channels, static_cast<float>(rir.sample_rate_hz), rir.channel_mask);
 }
 
 }  // namespace earshot::api

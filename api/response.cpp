@@ -53,7 +53,7 @@ Rir synthesize(RirSynthesizer& synthesizer, const SourceParts& parts, const List
                const EnergyResponse& response) {
   earshot::Rir rir;
   synthesizer.render(response, orientation, {carrier_key(parts.acoustics->hash(), parts.candidates->source()), listener}, rir);
-  return {rir.num_channels, rir.num_samples, static_cast<double>(rir.sample_rate_hz), std::move(rir.samples)};
+  return {rir.num_channels, rir.num_samples, static_cast<double>(rir.sample_rate_hz), std::move(rir.samples), rir.channel_mask};
 }
 
 const std::vector<Arrival>& Response::arrivals() const { return model_->arrivals; }

@@ -14,6 +14,7 @@
 #include "datasets/label_number.h"
 #include "datasets/response_index.h"
 #include "datasets/reverberant_mixture.h"
+#include "sim/audio/head/loudspeaker_layout.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -86,10 +87,11 @@ class SignalWriter {
 
   void write(std::uint64_t number, const Mixture& mixture) {
     const auto channels = static_cast<int>(index_.channels().size());
+    const std::uint32_t mask = channel_mask_of(index_.channels());
     const std::string id = fmt::format("{:07}", number);
     const auto add = [&](const std::string& suffix, std::span<const float> samples, int width) -> std::string {
       const std::string name = id + suffix + ending_of(config_.format);
-      return writer_.write(name, encode_sound(samples, width, index_.sample_rate_hz(), config_.format, name));
+      return writer_.write(name, encode_sound(samples, width, index_.sample_rate_hz(), config_.format, name, width == channels ? mask : 0));
     };
     Json line = {{"id", id},
                  {"file", add("", mixture.samples, channels)},

@@ -63,7 +63,7 @@ std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
                {"engine", engine_commit() + " " + build_type()},
                {"rooms", rooms},
                {"responses", rooms * per_room},
-               {"channels", channel_names(layout)},
+               {"channels", layout.channel_names()},
                {"sample_rate_hz", rate_hz},
                {"bands_hz", centres},
                {"config", config_text(config)}};
@@ -80,7 +80,7 @@ CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& ru
     throw InputError("sofa", "cannot be written: this build has no HDF5", "install libhdf5-dev and build again, or leave out sofa");
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config);
   const CorpusFolder folder(run.out, rooms.size(), static_cast<std::size_t>(config.rooms_per_folder), config.acoustics.sample_rate_hz,
-                            config.sofa ? 0 : channel_names(ListenerLayout::named(config.channels)).size());
+                            config.sofa ? 0 : static_cast<std::size_t>(ListenerLayout::named(config.channels).num_channels()));
   folder.begin(description_of(config, rooms.size()));
 
   const std::uint64_t per_room =

@@ -71,8 +71,7 @@ void read_places(ConfigReader& reader, RirCorpusConfig& config) {
 }
 
 void read_files(ConfigReader& reader, RirCorpusConfig& config) {
-  reader.read("channels", config.channels, Allowed::text("channels as of earshot rir"),
-              "Channels: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE.");
+  reader.read("channels", config.channels, Allowed::text("channels as of earshot rir"), kChannelsAbout);
   reader.read("hrtf", config.hrtf, Allowed::text("a SOFA file"),
               "SOFA file with HRTFs for binaural channels. Empty: a rigid sphere of radius 8.75 cm.");
   reader.read("hrtfs", config.hrtfs, Allowed::text("a SOFA file, or sphere"),

@@ -115,26 +115,6 @@ std::vector<float> scaled(std::span<const float> samples, float gain) {
 
 }  // namespace
 
-std::vector<std::string> channel_names(const ListenerLayout& layout) {
-  switch (layout.kind) {
-    case ListenerKind::mono:
-      return {"mono"};
-    case ListenerKind::binaural:
-      return {"left", "right"};
-    case ListenerKind::ambisonics: {
-      std::vector<std::string> names;
-      for (int acn = 0; acn < layout.num_channels(); ++acn) names.push_back(fmt::format("acn{}", acn));
-      return names;
-    }
-    case ListenerKind::array:
-      break;
-  }
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < layout.microphones.size(); ++i)
-    names.push_back(layout.microphones[i].name.empty() ? fmt::format("mic{}", i) : layout.microphones[i].name);
-  return names;
-}
-
 std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpusConfig& config) {
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   const float rate_hz = config.acoustics.sample_rate_hz;
@@ -224,7 +204,7 @@ std::string CorpusSourceRenderer::store(Recording& recording, const std::string&
   }
   const std::string name = recording.id + suffix + ending_of(config_.format);
   recording.files.push_back(
-      {name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, recording.folder + name)});
+      {name, encode_sound(channels, rir_.num_channels, rir_.sample_rate_hz, config_.format, recording.folder + name, rir_.channel_mask)});
   return recording.folder + name;
 }
 

@@ -20,6 +20,7 @@
 #include "datasets/sound_scene_events.h"
 #include "datasets/sound_scene_recorder.h"
 #include "sim/acoustics/response/place_check.h"
+#include "sim/audio/transforms/low_pass.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -39,8 +40,12 @@ struct MixDraw {
 
 Json rounded_place(glm::dvec3 position) { return {rounded(position.x), rounded(position.y), rounded(position.z)}; }
 
-/// Root mean square of each channel in a diffuse field, over that of an omnidirectional one.
+/// Root mean square of each channel in a diffuse field, over that of an omnidirectional one (before its low-pass).
 float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
+  if (layout.kind == ListenerKind::array) {
+    const std::optional<float> omni_weight = layout.microphones[channel].omni_weight();
+    return omni_weight ? std::sqrt(*omni_weight * *omni_weight + (1 - *omni_weight) * (1 - *omni_weight) / 3) : 1.f;
+  }
   if (layout.kind != ListenerKind::ambisonics || layout.norm == HarmonicNorm::n3d) return 1.f;
   const double degree = std::floor(std::sqrt(static_cast<double>(channel)));
   return static_cast<float>(1 / std::sqrt(2 * degree + 1));
@@ -105,7 +110,8 @@ class RoomRecorder {
     const std::string id = fmt::format("{:06}_r{:04}", room_index_, recording), name = id + ending_of(config_.rooms.format);
     const Scene& scene = room_.scene();
     const Json line = {{"id", id},
-                       {"file", writer.write(name, encode_sound(mix, recorder_.num_channels(), rate_hz, config_.rooms.format, name))},
+                       {"file", writer.write(name, encode_sound(mix, recorder_.num_channels(), rate_hz, config_.rooms.format, name,
+                                                                inputs_.layout.channel_mask))},
                        {"metadata_file", writer.write(id + ".csv", dcase_metadata(plan, config_.duration_s))},
                        {"num_samples", frames},
                        {"scene", scene.name()},
@@ -162,6 +168,9 @@ class RoomRecorder {
               : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)),
                        frames);
       scale(channel, static_cast<double>(diffuse_level(inputs_.layout, c)));
+      if (inputs_.layout.kind == ListenerKind::array && inputs_.layout.microphones[c].lowpass_hz > 0)
+        LowPass(static_cast<double>(inputs_.layout.microphones[c].lowpass_hz), static_cast<double>(config_.rooms.acoustics.sample_rate_hz))
+            .filter(channel);
       noise.insert(noise.end(), channel.begin(), channel.end());
     }
     const double energy = energy_of(noise), snr_db = within_range(config_.snr_db, random.uniform(MixDraw::snr));
@@ -232,7 +241,7 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
   folder.begin(CorpusFolder::describe(
       "scenes",
       config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"),
-      rate_hz, channel_names(layout)));
+      rate_hz, layout.channel_names()));
   std::string names;
   for (const SoundClass& sound_class : config.classes) names += sound_class.name + "\n";
   write_file_atomically(run.out / "classes.txt", names);

@@ -10,6 +10,7 @@
 #include "apps/options/scene_options.h"
 #include "datasets/rir_corpus.h"
 #include "datasets/rir_corpus_room.h"
+#include "sim/audio/head/listener_layout.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
@@ -76,7 +77,7 @@ void add_dataset_pano(CLI::App& dataset) {
       ->add_option("--size", options->size,
                    "WIDTHxHEIGHT in pixels (equirectangular: the width spans 360 degrees, pixels are square in angle)")
       ->capture_default_str();
-  command->add_option("--channels", options->channels, "Channels of the responses: mono, binaural, ambisonic:N or array:FILE")
+  command->add_option("--channels", options->channels, "Channels of the responses: " + std::string(kListenerLayouts))
       ->capture_default_str();
   command->add_option("--rate", options->rate_hz, "Sample rate of the responses in Hz")->capture_default_str();
   command->add_option("--length", options->length_s, "Length of the responses in seconds")->capture_default_str();

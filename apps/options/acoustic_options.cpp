@@ -33,8 +33,8 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
   command.add_option("--set", settings, settings_help());
   command
       .add_option("--channels", channels,
-                  "Listener: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] (ACN order), or array:FILE (YAML or JSON "
-                  "list of microphones)")
+                  "Listener: " + std::string(kListenerLayouts) +
+                      " (YAML or JSON list of microphones). docs/reference/channels.md has their order and angles")
       ->capture_default_str();
   command.add_option("--hrtf", hrtf, "SOFA file with HRTFs (default: a rigid sphere of radius 8.75 cm)");
   command

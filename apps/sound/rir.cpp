@@ -155,11 +155,14 @@ class PairRenderer {
     if (options_.metrics.empty()) return {};
     const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
     const glm::dvec3 origin = planned.scene().origin_m();
-    OrderedJson json{{"bands_hz", energy.bands_hz}, {"origin_m", {origin.x, origin.y, origin.z}}, {"energy", metrics_json(energy)}};
+    const ListenerLayout layout = options_.acoustics.layout();
+    OrderedJson json{{"bands_hz", energy.bands_hz},
+                     {"origin_m", {origin.x, origin.y, origin.z}},
+                     {"channels", layout.channel_names()},
+                     {"energy", metrics_json(energy)}};
     Rir omni;
     if (omni_) omni_->render(response, orientation, key, omni);
-    const ListenerLayout layout = options_.acoustics.layout();
-    add_sample_metrics(omni_ ? omni : rir, rir, layout, channel_names(layout), delay_s, json);
+    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), delay_s, json);
     json.update({{"drr_db", number_or_null(energy.drr_db)},
                  {"direct_delay_s", number_or_null(energy.direct_delay_s)},
                  {"direct_amplitude", number_or_null(energy.direct_amplitude)},
@@ -192,7 +195,7 @@ class PairRenderer {
   void write(const std::string& file, const Rir& rir) const {
     std::vector<float> samples = rir.samples;
     for (float& sample : samples) sample *= static_cast<float>(options_.gain);
-    write_wav(file, samples, rir.num_channels, rir.sample_rate_hz);
+    write_wav(file, samples, rir.num_channels, rir.sample_rate_hz, rir.channel_mask);
   }
   void write_plot(const AcousticScene& planned, const std::string& file, const EnergyResponse& response) const {
     write_file_atomically(plot_of(options_, file),

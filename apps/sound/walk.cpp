@@ -198,7 +198,7 @@ void run_walk(const WalkArguments& options) {
   for (WalkSource& source : sources) source.prepare(acoustics, fields);
   const std::vector<float> sound = render(options, times, acoustics, tables, sources);
   const int num_channels = options.acoustics.layout().num_channels();
-  write_wav(options.out, sound, num_channels, config.sample_rate_hz);
+  write_wav(options.out, sound, num_channels, config.sample_rate_hz, options.acoustics.layout().channel_mask);
   fmt::print("{}: {:.2f} s, {} sources, {} channels at {:.0f} Hz\n", options.out, times.duration_s(), sources.size(), num_channels,
              config.sample_rate_hz);
 }

@@ -5,6 +5,7 @@
 /// Sounds: load, convolve with a response, write.
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -18,7 +19,8 @@ namespace earshot::api {
 struct Audio {
   int num_channels = 0;
   double sample_rate_hz = 0;
-  std::vector<float> samples;  ///< [num_channels, num_frames()], finite
+  std::vector<float> samples;      ///< [num_channels, num_frames()], finite
+  std::uint32_t channel_mask = 0;  ///< as Rir::channel_mask
 
   [[nodiscard]] std::size_t num_frames() const { return num_channels == 0 ? 0 : samples.size() / static_cast<std::size_t>(num_channels); }
   [[nodiscard]] std::span<const float> channel(int index) const {

@@ -22,6 +22,8 @@ struct Rir {
   int num_channels = 0, num_samples = 0;
   double sample_rate_hz = 0;
   std::vector<float> samples;  ///< [num_channels, num_samples]
+  /// Loudspeakers of the channels of quad and surround, for the header of a WAV file: dwChannelMask of WAVEFORMATEXTENSIBLE.  0: none.
+  std::uint32_t channel_mask = 0;
 
   /// Samples of one channel, [num_samples].
   [[nodiscard]] std::span<const float> channel(int index) const {
@@ -62,8 +64,8 @@ struct RenderOptions {
   double heading_deg = 0;  ///< counter-clockwise from -z, seen from above
   double pitch_deg = 0;    ///< upwards
   double roll_deg = 0;     ///< right ear down
-  /// mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego], or array:FILE.  Empty: binaural, or the channels that a Response
-  /// was asked for.
+  /// mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1, ambisonic:ORDER[:n3d|:sn3d][:world|:ego], or
+  /// array:FILE.  Empty: binaural, or the channels that a Response was asked for.
   std::string channels = {};
   std::string hrtf = {};  ///< SOFA file of head filters, for binaural; empty: a rigid sphere
 };

@@ -24,6 +24,13 @@ ArrivalFilters::ArrivalFilters(std::shared_ptr<const SynthesisTables> tables)
       response_(static_cast<std::size_t>(tables_->early_fft)) {
   for (auto& spectrum : spectrum_) spectrum.resize(tables_->filters.num_bins());
   if (tables_->layout.kind == ListenerKind::ambisonics) harmonics_.resize(static_cast<std::size_t>(tables_->layout.num_channels()));
+  for (const std::optional<LowPass>& low_pass : tables_->low_passes) {
+    std::vector<Complex>& spectrum = low_pass_spectrum_.emplace_back();
+    if (!low_pass) continue;
+    const double bin_hz = static_cast<double>(tables_->sample_rate_hz) / tables_->early_fft;
+    for (std::size_t k = 0; k < tables_->filters.num_bins(); ++k)
+      spectrum.emplace_back(low_pass->response(static_cast<double>(k) * bin_hz));
+  }
 }
 
 int ArrivalFilters::num_channels() const { return tables_->layout.num_channels(); }
@@ -93,7 +100,10 @@ void ArrivalFilters::to_microphones(const Arrival& arrival, const ListenerOrient
   for (std::size_t i = 0; i < tables_->layout.microphones.size(); ++i) {
     const MicrophoneWave wave(*tables_, i, arrival, orientation);
     bands_.set(wave.amplitude(), wave.phase_rad());
-    std::ranges::fill(spectrum_[0], Complex(1.f));
+    if (tables_->low_passes.empty() || !tables_->low_passes[i])
+      std::ranges::fill(spectrum_[0], Complex(1.f));
+    else
+      std::ranges::copy(low_pass_spectrum_[i], spectrum_[0].begin());
     bands_.apply(spectrum_[0]);
     fft_.inverse(spectrum_[0], response_);
     write_taps(i, 1.f, taps);

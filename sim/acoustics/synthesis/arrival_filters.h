@@ -40,6 +40,7 @@ class ArrivalFilters {
   ArrivalSpectrum bands_;
   std::array<std::vector<std::complex<float>>, 2> spectrum_;
   std::vector<float> response_, harmonics_;
+  std::vector<std::vector<std::complex<float>>> low_pass_spectrum_;  ///< of the microphones; empty where there is none
 };
 
 }  // namespace earshot

@@ -14,6 +14,7 @@
 
 #include "sim/acoustics/synthesis/arrival_spectrum.h"
 #include "sim/acoustics/synthesis/binaural_late_tail.h"
+#include "sim/acoustics/synthesis/decoded_bins.h"
 #include "sim/acoustics/synthesis/delayed_impulse.h"
 #include "sim/acoustics/synthesis/late_array.h"
 #include "sim/acoustics/synthesis/late_synthesis.h"
@@ -34,43 +35,6 @@ using Complex = std::complex<float>;
 
 /// Of LateCarriers.
 constexpr std::uint32_t kFieldStream = 0;
-
-/// The binaural late tail gives its ears the right powers and correlation, but the time between them of a diffuse field.  So of a tail the
-/// more is decoded the longer its mean direction, from nothing to all between these two.
-constexpr float kDiffuseTail = 0.15f, kDirectionalTail = 0.25f;
-/// Of the energy of a tail that is decoded, the part that the binaural late tail still makes.
-constexpr float kTailOfTail = 0.01f;
-
-/// Merged bins to decode: those of decode_samples behind the first sound; where more sound comes from one side for long, as beside a door,
-/// up to all but the last hundredth of the energy.  The mean is over all that is left, so that the noise of single bins does not count.
-int bins_to_decode(const LateEnvelope& envelope, double decode_samples, std::vector<float>& before) {
-  const int first = envelope.bin_from(envelope.first_sound() + decode_samples);
-  if (first >= envelope.size() || !(decode_samples > 0)) return first;
-  envelope.energy_before(before);
-  const float end = before.back(), left = end - before[static_cast<std::size_t>(first)];
-  std::array<float, 3> mean{};
-  for (auto bin = static_cast<std::size_t>(first); bin + 1 < before.size(); ++bin) {
-    float density = 0;
-    std::array<float, 3> sum{};
-    for (int band = 0; band < envelope.num_bands(); ++band) {
-      const LateEnvelopeSample& sample = envelope.band(band)[bin];
-      density += sample.density;
-      for (std::size_t i = 0; i < 3; ++i) sum[i] += sample.density * sample.m[i];
-    }
-    if (density > 0.f)
-      for (std::size_t i = 0; i < 3; ++i) mean[i] += (before[bin + 1] - before[bin]) * (sum[i] / density);
-  }
-  // N3D: sqrt 3 times the mean direction.
-  const float square = (mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]) / 3.f;
-  const float length = left > 0.f ? std::sqrt(square) / left : 0.f;
-  const float way = std::clamp((length - kDiffuseTail) / (kDirectionalTail - kDiffuseTail), 0.f, 1.f);
-  if (way == 0.f) return first;
-  // No slope at either end: the last bin passes the bins in about equal steps of the direction.
-  const float decoded = way * way * (3.f - 2.f * way) * (1.f - kTailOfTail);
-  int last = first;
-  while (last < envelope.size() && before[static_cast<std::size_t>(last)] < end - (1.f - decoded) * left) ++last;
-  return last;
-}
 
 // Plain loops over __restrict pointers: else they are not vectorized.
 
@@ -126,8 +90,7 @@ struct RirSynthesizer::Scratch {
       harmonics.resize(static_cast<std::size_t>(tables.layout.num_channels()));
       channels.resize(harmonics.size());
     }
-    if (tables.layout.kind == ListenerKind::array)
-      array.emplace(tables.bands, tables.sample_rate_hz, tables.num_samples, tables.layout.microphones);
+    if (tables.has_plane_waves) array.emplace(tables.bands, tables.sample_rate_hz, tables.num_samples, tables.layout.microphones);
     if (!tables.hrtf) return;
     late_forward.emplace(tables.late_fft, ComplexFft::Direction::forward);
     late_inverse.emplace(tables.late_fft, ComplexFft::Direction::inverse);
@@ -302,6 +265,43 @@ void RirSynthesizer::decode_late(const FirstOrder& field, Rir& rir) {
   }
 }
 
+/// Late sound as first-order harmonics in world axes, from the cache if it is there: for ears up to where the binaural tail begins.
+const LateSound& RirSynthesizer::first_order_sound(const Pass& pass, double onset_sample, std::size_t length) {
+  const SynthesisTables& tables = *tables_;
+  Scratch& scratch = *scratch_;
+  LateSound& sound = pass.cached != nullptr ? *pass.cached : scratch.sound;
+  if (sound.known_ && pass.cached != nullptr) return sound;
+  for (auto& channel : sound.channels_) channel.resize(static_cast<std::size_t>(tables.num_samples));
+  const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
+  const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
+  sound.envelope_.make(pass.response.late, tables.sample_rate_hz, onset_sample, length);
+  sound.num_decoded_ = tables.layout.kind == ListenerKind::binaural
+                           ? bins_to_decode(sound.envelope_, tables.late_decode_samples, scratch.energy_before)
+                           : sound.envelope_.size();
+  scratch.place.set(pass.key, kFieldStream, sound.envelope_);
+  sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, scratch.place, channels);
+  sound.known_ = true;
+  return sound;
+}
+
+/// Late sound at first-order microphones in one place: a + (1 - a) cos is a sum of the four harmonics.
+void RirSynthesizer::mix_late(const LateSound& sound, const ListenerOrientation& orientation, Rir& rir) {
+  const auto length = static_cast<std::size_t>(rir.num_samples);
+  for (std::size_t i = 0; i < tables_->layout.microphones.size(); ++i) {
+    const Microphone& microphone = tables_->layout.microphones[i];
+    const float omni_weight = *microphone.omni_weight();
+    std::array<float, 4> weight;
+    spherical_harmonics_n3d(glm::normalize(orientation.local_to_world(microphone.orientation * glm::vec3(0, 0, -1))), 1, weight);
+    weight[0] = omni_weight;
+    for (std::size_t c = 1; c < 4; ++c) weight[c] *= (1.f - omni_weight) / 3.f;  // the harmonics of two directions: 3 cos
+    const std::array<const float*, 4> in = {sound.channels_[0].data(), sound.channels_[1].data(), sound.channels_[2].data(),
+                                            sound.channels_[3].data()};
+    float* __restrict out = rir.samples.data() + i * length;
+    for (std::size_t n = 0; n < sound.sounding_; ++n)
+      out[n] += weight[0] * in[0][n] + weight[1] * in[1][n] + weight[2] * in[2][n] + weight[3] * in[3][n];
+  }
+}
+
 void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir) {
   const SynthesisTables& tables = *tables_;
   Scratch& scratch = *scratch_;
@@ -317,17 +317,7 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
       return;
     }
     case ListenerKind::binaural: {
-      LateSound& sound = pass.cached != nullptr ? *pass.cached : scratch.sound;
-      if (!sound.known_ || pass.cached == nullptr) {
-        for (auto& channel : sound.channels_) channel.resize(static_cast<std::size_t>(tables.num_samples));
-        const auto channel = [&](std::size_t c) { return std::span(sound.channels_[c]).first(length); };
-        const std::array<std::span<float>, 4> channels = {channel(0), channel(1), channel(2), channel(3)};
-        sound.envelope_.make(late, tables.sample_rate_hz, onset_sample, length);
-        sound.num_decoded_ = bins_to_decode(sound.envelope_, tables.late_decode_samples, scratch.energy_before);
-        scratch.place.set(pass.key, kFieldStream, sound.envelope_);
-        sound.sounding_ = scratch.late.render(sound.envelope_, sound.num_decoded_, tables.carriers, scratch.place, channels);
-        sound.known_ = true;
-      }
+      const LateSound& sound = first_order_sound(pass, onset_sample, length);
       decode_late(rotate_first_order(pass.orientation, sound), rir);
       if (sound.num_decoded_ == sound.envelope_.size()) return;
       // Further on in the same loops: the parts that fade out and in must be independent, or powers would not add.
@@ -348,6 +338,7 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
       return;
     }
     case ListenerKind::array:
+      if (!tables.has_plane_waves) return mix_late(first_order_sound(pass, onset_sample, length), pass.orientation, rir);
       scratch.array->render({.energy = late,
                              .onset_sample = onset_sample,
                              .key = pass.key,
@@ -359,7 +350,7 @@ void RirSynthesizer::render_late(const Pass& pass, double onset_sample, Rir& rir
 
 int RirSynthesizer::count_samples(const EnergyHistogram& late) const {
   const SynthesisTables& tables = *tables_;
-  if (late.num_bins() == 0 || tables.layout.kind == ListenerKind::array) return tables.num_samples;
+  if (late.num_bins() == 0 || tables.has_plane_waves) return tables.num_samples;
   const double bin_samples = static_cast<double>(late.bin_s()) * static_cast<double>(tables.sample_rate_hz);
   const double samples = static_cast<double>(late.num_bins()) * bin_samples;
   if (samples > tables.num_samples - bin_samples) return tables.num_samples;
@@ -378,6 +369,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
   rir.num_channels = tables.layout.num_channels();
   rir.num_samples = count_samples(response.late);
   rir.sample_rate_hz = tables.sample_rate_hz;
+  rir.channel_mask = tables.layout.channel_mask;
   rir.samples.assign(static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples), 0.f);
   const double samples_per_m =
       needs_speed ? static_cast<double>(tables.sample_rate_hz) / static_cast<double>(response.speed_of_sound_m_per_s) : 0.0;
@@ -392,6 +384,10 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
   EARSHOT_EXPECT(left_out.empty() || left_out.size() == response.arrivals.size());
   for (std::size_t i = 0; i < response.arrivals.size(); ++i)
     if (left_out.empty() || left_out[i] == 0) add_arrival(pass, response.arrivals[i], rir);
+  for (std::size_t c = 0; c < tables.low_passes.size(); ++c) {
+    const auto length = static_cast<std::size_t>(rir.num_samples);
+    if (tables.low_passes[c]) tables.low_passes[c]->filter(std::span(rir.samples).subspan(c * length, length));
+  }
   if (tables.layout.kind != ListenerKind::ambisonics || tables.layout.norm == HarmonicNorm::n3d) return;
   for (int c = 1; c < rir.num_channels; ++c) {
     const float factor = sn3d_from_n3d(c);

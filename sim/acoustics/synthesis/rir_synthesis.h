@@ -21,6 +21,7 @@ struct Rir {
   int num_channels = 0, num_samples = 0;
   float sample_rate_hz = 0;
   std::vector<float> samples;
+  std::uint32_t channel_mask = 0;  ///< ListenerLayout::channel_mask
   [[nodiscard]] std::span<const float> channel(int index) const {
     return std::span(samples).subspan(static_cast<std::size_t>(index) * num_samples, num_samples);
   }
@@ -28,8 +29,8 @@ struct Rir {
 
 /// Tables of the synthesis, common to all agents: band filters, seeded flattened carriers, head filters, noise for two ears.  Immutable.
 /// Making it for half a second at 16 kHz takes about half a second of one core (bands in parallel), 0.1 s more for each ambisonic channel
-/// above first order; arrays take 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout: a ChannelLayout converts.
-/// Throws InputError.
+/// above first order; arrays that are not in one place take 50 MB and more.  hrtf: for binaural only, null means the rigid sphere.  layout:
+/// a ChannelLayout converts. Throws InputError.
 class SynthesisTables;
 std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfig& config, const BandLayout& bands,
                                                              const ListenerLayout& layout, std::shared_ptr<const Hrtf> hrtf);
@@ -57,9 +58,10 @@ class LateSound {
 ///    late_decode_s, from there as in binaural_late_tail.h.
 ///  - ambisonics: harmonics of each direction; the late field with the moments that the histogram holds, diffuse above them.
 ///  - array: each arrival as a spherical wave from its image (distance times direction), so with the exact delay, level and angle at each
-///    microphone; the late field as in late_array.h.
+///    microphone.  The late field of first-order patterns in one place is that of first-order ambisonics, mixed; of others as in
+///    late_array.h.  Low-passes of microphones come last.
 /// Owns scratch: one per thread.  No allocation per call once warm; 0.2 ms for 1.5 s binaural at 16 kHz with ten arrivals; about 0.1 s for
-/// arrays.
+/// arrays that are not in one place.
 class RirSynthesizer {
  public:
   explicit RirSynthesizer(std::shared_ptr<const SynthesisTables> tables);
@@ -68,9 +70,11 @@ class RirSynthesizer {
 
   /// orientation: of the listener; a heading in radians converts.  key: whose noise the late field rides on, and where it is heard.
   /// rir: resized to the length of the late field, round(num_bins * bin_s * rate).  It has
-  /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays.
+  /// that of the tables, round(rir_length_s * rate), where that is shorter or less than a bin longer, without a late field and for arrays
+  /// that are not in one place.
   /// response.late: no bins, or the bands of the tables and any SH order; order 0 counts as diffuse.
-  /// cached: null, or of this response and key, or forgotten: saves a quarter of the time of further binaural renders, and changes no bit.
+  /// cached: null, or of this response and key, or forgotten: saves a quarter of the time of further renders for two ears or for an array
+  /// in one place, and changes no bit.
   /// left_out: empty, or for each arrival whether it is left out, because it is heard otherwise (path_glide.h); late sound still begins
   /// with the direct sound.
   void render(const EnergyResponse& response, const ListenerOrientation& orientation, const CarrierKey& key, Rir& rir,
@@ -79,6 +83,8 @@ class RirSynthesizer {
  private:
   struct Scratch;
   struct Pass;
+  const LateSound& first_order_sound(const Pass& pass, double onset_sample, std::size_t length);
+  void mix_late(const LateSound& sound, const ListenerOrientation& orientation, Rir& rir);
   void render_late(const Pass& pass, double onset_sample, Rir& rir);
   void add_arrival(const Pass& pass, const Arrival& arrival, Rir& rir);
   void add_to_ears(const Pass& pass, const Arrival& arrival, double delay_samples, Rir& rir);

@@ -49,20 +49,31 @@ int num_carriers(const ListenerLayout& layout) {
     case ListenerKind::ambisonics:
       return std::max(2, layout.num_channels());
     case ListenerKind::array:
-      return LateArray::kNumWaves;
+      return layout.is_coincident() ? 4 : LateArray::kNumWaves;
   }
   return 1;
 }
 
 CarrierBank make_carriers(const ListenerLayout& layout, const AcousticConfig& config, const BandLayout& bands) {
-  const bool array = layout.kind == ListenerKind::array;
+  const bool has_plane_waves = layout.kind == ListenerKind::array && !layout.is_coincident();
   const int length = carrier_length(count_samples(config));
   return {bands,
           config.sample_rate_hz,
           num_carriers(layout),
-          array ? std::min(length, kMaxArrayCarrierLength) : length,
+          has_plane_waves ? std::min(length, kMaxArrayCarrierLength) : length,
           config.seed,
-          array ? CarrierKind::plain : CarrierKind::flattened};
+          has_plane_waves ? CarrierKind::plain : CarrierKind::flattened};
+}
+
+/// Of the transform of an arrival: room for what low-passes ring behind its middle.
+int early_fft_for(const ListenerLayout& layout, float sample_rate_hz) {
+  int size = arrival_fft_size(sample_rate_hz);
+  for (const Microphone& microphone : layout.microphones)
+    if (microphone.lowpass_hz > 0) {
+      const LowPass low_pass(static_cast<double>(microphone.lowpass_hz), static_cast<double>(sample_rate_hz));
+      size = std::max(size, next_power_of_two(static_cast<int>(std::ceil(2 * low_pass.ring_samples()))));
+    }
+  return size;
 }
 
 }  // namespace
@@ -71,17 +82,24 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
                                  std::shared_ptr<const Hrtf> head)
     : bands(band_layout),
       layout(std::move(listener_layout)),
+      has_plane_waves(layout.kind == ListenerKind::array && !layout.is_coincident()),
       hrtf(std::move(head)),
       sample_rate_hz(config.sample_rate_hz),
       num_samples(count_samples(config)),
       num_bands(bands.size()),
       glide_paths(config.glide_paths),
       seed(config.seed),
-      early_fft(hrtf ? hrtf->fft_size() : arrival_fft_size(config.sample_rate_hz)),
+      early_fft(hrtf ? hrtf->fft_size() : early_fft_for(layout, config.sample_rate_hz)),
       filters(bands, config.sample_rate_hz, early_fft),
       carriers(make_carriers(layout, config, bands)),
       late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
   for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
+  if (std::ranges::any_of(layout.microphones, [](const Microphone& microphone) { return microphone.lowpass_hz > 0; }))
+    for (const Microphone& microphone : layout.microphones) {
+      low_passes.emplace_back();
+      if (microphone.lowpass_hz > 0)
+        low_passes.back().emplace(static_cast<double>(microphone.lowpass_hz), static_cast<double>(sample_rate_hz));
+    }
   if (!hrtf) return;
   binaural_noise = BinauralNoise(carriers, bands, *hrtf);
   late_fft = choose_block_fft(num_samples, hrtf->decoder_taps());
@@ -123,6 +141,9 @@ std::shared_ptr<const SynthesisTables> make_synthesis_tables(const AcousticConfi
   require(config.rir_length_s > 0 && config.rir_length_s <= 60, "rir_length_s", config.rir_length_s, "must be in (0, 60]");
   require(config.late_decode_s >= 0 && config.late_decode_s <= 60, "late_decode_s", config.late_decode_s, "must be in [0, 60] s");
   validate(layout);
+  for (const Microphone& microphone : layout.microphones)
+    require(microphone.lowpass_hz < config.sample_rate_hz / 2, "lowpass_hz", microphone.lowpass_hz,
+            "must be below half of the sample rate");
   if (layout.kind != ListenerKind::binaural) return std::make_shared<const SynthesisTables>(config, bands, layout, nullptr);
   if (!hrtf) hrtf = Hrtf::rigid_sphere(config.sample_rate_hz);
   require(hrtf->sample_rate_hz() == config.sample_rate_hz, "sample_rate_hz", config.sample_rate_hz,

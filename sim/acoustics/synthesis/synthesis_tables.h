@@ -4,6 +4,7 @@
 #include <array>
 #include <complex>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "sim/acoustics/synthesis/band_filters.h"
@@ -11,6 +12,7 @@
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 #include "sim/audio/transforms/complex_fft.h"
+#include "sim/audio/transforms/low_pass.h"
 
 namespace earshot {
 
@@ -22,6 +24,7 @@ class SynthesisTables {
 
   BandLayout bands;
   ListenerLayout layout;
+  bool has_plane_waves;              ///< the late field of an array is that of late_array.h; else first-order harmonics tell it
   std::shared_ptr<const Hrtf> hrtf;  ///< binaural, else null
   float sample_rate_hz;
   int num_samples, num_bands, glide_paths;
@@ -35,7 +38,8 @@ class SynthesisTables {
   /// second of each as imaginary part: with Z the spectrum of a pair, Z~(k) = conj Z(-k), both ears are
   /// sum over pairs of decoder[2 pair] Z + decoder[2 pair + 1] Z~.  [late_fft] each, divided by late_fft.
   std::array<AlignedSpectrum, 4> decoder;
-  std::vector<BandDirectivity> patterns;  ///< of the microphones
+  std::vector<BandDirectivity> patterns;           ///< of the microphones
+  std::vector<std::optional<LowPass>> low_passes;  ///< likewise; none at all where no microphone has one
 
  private:
   void make_decoder();

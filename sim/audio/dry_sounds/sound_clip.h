@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -43,7 +44,8 @@ SoundClip synthesize_sound(const std::string& spec, float sample_rate_hz);
 SoundClip open_sound(const std::string& spec, float sample_rate_hz);
 
 /// Writes 32-bit float WAV, channels interleaved from [num_channels, n], atomically.  Throws InputError for sizes that do not fit, RunError
-/// if the file cannot be written.
-void write_wav(const std::filesystem::path& path, std::span<const float> channels, int num_channels, float sample_rate_hz);
+/// if the file cannot be written.  channel_mask: as encode_sound (sound_file.h).
+void write_wav(const std::filesystem::path& path, std::span<const float> channels, int num_channels, float sample_rate_hz,
+               std::uint32_t channel_mask = 0);
 
 }  // namespace earshot

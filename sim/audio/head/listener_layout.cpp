@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <numbers>
@@ -10,9 +11,11 @@
 #include <set>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "sim/audio/head/ambisonics.h"
 #include "sim/audio/head/listener_orientation.h"
+#include "sim/audio/head/loudspeaker_layout.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
@@ -23,28 +26,32 @@ constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
 
 constexpr About kMicrophonesAbout("Microphones, a channel each, in the listener's axes.");
-constexpr const char* kNames = "use mono, mono:PATTERN, binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE";
+constexpr float kMinLowpassHz = 20.f, kMaxLowpassHz = 20'000.f;
 
 /// files: the file of its pattern is added.
 Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& folder, std::vector<std::filesystem::path>& files) {
   Microphone microphone;
-  std::vector<float> position;
+  std::vector<float> position(3, 0.f);
   std::string pattern;
   float omni_weight = 1.f;
   double azimuth_deg = 0, elevation_deg = 0, roll_deg = 0;
   reader.read("name", microphone.name, "Name of the microphone.");
-  reader.read_required("position_m", position, Allowed::between(-kMaxOffsetM, kMaxOffsetM).items(3),
-                       "Place from the listener: x right, y up, z back.");
+  reader.read("position_m", position, Allowed::between(-kMaxOffsetM, kMaxOffsetM).items(3),
+              "Place from the listener: x right, y up, z back.");
   reader.read("omni_weight", omni_weight, Allowed::between(0, 1), "Weight a of the pattern a + (1 - a) cos; in place of pattern.");
   reader.read("pattern", pattern, Allowed::text("omni, cardioid, another pattern, voice, or a balloon file"),
               "Directional pattern: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file.");
   reader.read("azimuth_deg", azimuth_deg, "Direction of its front to the left of the listener's.");
   reader.read("elevation_deg", elevation_deg, "Direction of its front upwards.");
   reader.read("roll_deg", roll_deg, "Rotation about its front.");
+  std::optional<float> lowpass_hz;
+  reader.read("lowpass_hz", lowpass_hz, Allowed::between(kMinLowpassHz, kMaxLowpassHz),
+              "Upper end of its signal (-3 dB, then 24 dB per octave), for a low-frequency channel. Absent: none.");
   reader.finish();
   if (reader.is_describing()) return microphone;
   const bool has_weight = reader.has("omni_weight"), has_pattern = !pattern.empty();
   if (has_weight && has_pattern) reader.fail("omni_weight", "is given together with pattern; give only one of them");
+  microphone.lowpass_hz = lowpass_hz.value_or(0.f);
   microphone.position_m = {position[0], position[1], position[2]};
   if (has_weight) microphone.directivity = Directivity::first_order(omni_weight);
   if (has_pattern) {
@@ -58,10 +65,14 @@ Microphone read_microphone(ConfigReader& reader, const std::filesystem::path& fo
 }
 
 /// Of results; a microphone without a name is called by its number.
+std::string name_of(const Microphone& microphone, int number) {
+  return microphone.name.empty() ? fmt::format("mic{}", number) : microphone.name;
+}
+
 std::optional<std::string> repeated_name(std::span<const Microphone> microphones) {
   std::set<std::string> names;
   for (std::size_t i = 0; i < microphones.size(); ++i) {
-    const std::string name = microphones[i].name.empty() ? fmt::format("mic{}", i) : microphones[i].name;
+    const std::string name = name_of(microphones[i], static_cast<int>(i));
     if (!names.insert(name).second) return name;
   }
   return std::nullopt;
@@ -93,7 +104,9 @@ ListenerLayout ListenerLayout::mono(std::shared_ptr<const Directivity> directivi
 }
 
 ListenerLayout ListenerLayout::named(std::string_view text) {
-  const auto refuse = [&](std::string_view problem) { return InputError("listener '" + std::string(text) + "'", problem, kNames); };
+  const auto refuse = [&](std::string_view problem) {
+    return InputError("listener '" + std::string(text) + "'", problem, "use " + std::string(kListenerLayouts));
+  };
   const std::size_t colon = text.find(':');
   const std::string_view kind = text.substr(0, colon);
   std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);
@@ -104,6 +117,7 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
   }
   if (kind == "binaural" && rest.empty()) return ChannelLayout::binaural;
   if (kind == "array" && !rest.empty()) return from_file(std::filesystem::path(rest));
+  if (std::optional<ListenerLayout> known = loudspeaker_layout(text)) return *std::move(known);
   if (kind != "ambisonics" && kind != "ambisonic") throw refuse("is not a known layout");
   ListenerLayout layout;
   layout.kind = ListenerKind::ambisonics;
@@ -167,6 +181,21 @@ int ListenerLayout::num_channels() const {
   return 0;
 }
 
+bool ListenerLayout::is_coincident() const {
+  return kind == ListenerKind::array && std::ranges::all_of(microphones, [](const Microphone& microphone) {
+           return microphone.position_m == glm::vec3(0) && microphone.omni_weight().has_value();
+         });
+}
+
+std::vector<std::string> ListenerLayout::channel_names() const {
+  if (kind == ListenerKind::mono) return {"mono"};
+  if (kind == ListenerKind::binaural) return {"left", "right"};
+  std::vector<std::string> names;
+  for (int i = 0; i < num_channels(); ++i)
+    names.push_back(kind == ListenerKind::ambisonics ? fmt::format("acn{}", i) : name_of(microphones[static_cast<std::size_t>(i)], i));
+  return names;
+}
+
 void validate(const ListenerLayout& layout) {
   if (layout.kind == ListenerKind::ambisonics)
     require(layout.order >= 0 && layout.order <= kMaxAmbisonicOrder, "ambisonic order", layout.order,
@@ -181,8 +210,19 @@ void validate(const ListenerLayout& layout) {
       const float value = microphone.position_m[axis];
       require(std::abs(value) <= kMaxOffsetM, "position_m", value, "must be within 10 m of the listener");
     }
+    const float lowpass_hz = microphone.lowpass_hz;
+    require(lowpass_hz == 0 || (lowpass_hz >= kMinLowpassHz && lowpass_hz <= kMaxLowpassHz), "lowpass_hz", lowpass_hz,
+            "must be 0, for none, or in [20, 20000]");
     const float length = glm::length(microphone.orientation);
     require(std::abs(length - 1.f) <= 1e-3f, "orientation length", length, "must be a unit quaternion");
+  }
+}
+
+ListenerLayout read_layout(const ConfigReader& reader, const std::string& key, const std::string& value) {
+  try {
+    return ListenerLayout::named(value);
+  } catch (const InputError& error) {
+    reader.fail(key, error.what());
   }
 }
 

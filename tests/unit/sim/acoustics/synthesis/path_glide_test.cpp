@@ -157,7 +157,8 @@ TEST(PathGlide, AtRestItIsTheConvolutionWithTheResponse) {
   for (std::size_t i = 0; i < 2; ++i) response.arrivals[i].identity = i + 1;
   AcousticConfig config = config_at(kRateHz);
   for (const ListenerLayout& layout :
-       {ListenerLayout(ChannelLayout::mono), ListenerLayout(ChannelLayout::binaural), ListenerLayout::named("ambisonic:1:sn3d:ego")}) {
+       {ListenerLayout(ChannelLayout::mono), ListenerLayout(ChannelLayout::binaural), ListenerLayout::named("ambisonic:1:sn3d:ego"),
+        ListenerLayout::named("surround_5_1"), ListenerLayout::named("stereo:ab")}) {
     std::array<std::vector<std::vector<float>>, 2> sound;
     for (const int glide : {0, 1}) {
       config.glide_paths = 8 * glide;

@@ -74,6 +74,37 @@ TEST_F(SoundClipTest, SameSoundGivesTheSameBytes) {
   EXPECT_EQ(bytes.find("PEAK"), std::string::npos);  // libsndfile's own chunk with the time of day
 }
 
+// WAVEFORMATEXTENSIBLE: tag 0xFFFE at byte 20, the mask at byte 40.
+TEST_F(SoundClipTest, ChannelMasksStandInTheHeader) {
+  std::vector<float> channels(8 * 50);
+  for (std::size_t i = 0; i < channels.size(); ++i) channels[i] = static_cast<float>(i) - 200.5f;
+  const auto number = [](const std::string& bytes, std::size_t at, std::size_t size) {
+    std::uint32_t value = 0;
+    for (std::size_t i = 0; i < size; ++i) value |= std::uint32_t{static_cast<std::uint8_t>(bytes[at + i])} << (8 * i);
+    return value;
+  };
+  struct Case {
+    int channels;
+    std::uint32_t mask;
+  };
+  for (const auto& [count, mask] : {Case{4, 0x33}, Case{6, 0x60F}, Case{8, 0x63F}, Case{1, 0x4}, Case{2, 0x20001}}) {
+    const auto part = std::span(channels).first(static_cast<std::size_t>(count) * 50);
+    write_wav(file("m.wav"), part, count, 16000.f, mask);
+    const std::string bytes = read_file(file("m.wav"));
+    EXPECT_EQ(number(bytes, 20, 2), 0xFFFEu) << mask;
+    EXPECT_EQ(number(bytes, 22, 2), static_cast<std::uint32_t>(count));
+    EXPECT_EQ(number(bytes, 40, 4), mask);
+    EXPECT_EQ(bytes.find("PEAK"), std::string::npos);
+    const SoundChannels back = load_sound_channels(file("m.wav"));
+    EXPECT_EQ(back.num_channels, count);
+    EXPECT_TRUE(std::ranges::equal(back.samples, part));
+  }
+  write_wav(file("p.wav"), channels, 8, 16000.f);
+  EXPECT_EQ(number(read_file(file("p.wav")), 20, 2), 3u);  // IEEE float, plain
+  for (const std::uint32_t wrong : {0x3u, 0x7FFu, 0xFF000000u})
+    EXPECT_THROW(write_wav(file("p.wav"), channels, 8, 16000.f, wrong), InputError) << wrong;
+}
+
 TEST_F(SoundClipTest, ReadsPcmFlacAndOgg) {
   const auto wave = sine(440, 16000, 16000);
   EXPECT_NEAR(load_sound(write("p.wav", SF_FORMAT_WAV | SF_FORMAT_PCM_16, 16000, 1, wave), 16000.f).samples[777], wave[777], 1.0 / 32768);

@@ -21,10 +21,11 @@ TEST(ListenerLayout, HasItsNames) {
   EXPECT_EQ(ambisonics.axes, HarmonicAxes::ego);
   EXPECT_EQ(ListenerLayout::named("ambisonics:9").num_channels(), 100);
   EXPECT_EQ(ListenerLayout::named("ambisonics:0").num_channels(), 1);
+  EXPECT_EQ(ListenerLayout::named("ambisonics:1").channel_names(), (std::vector<std::string>{"acn0", "acn1", "acn2", "acn3"}));
   EXPECT_EQ(ListenerLayout::named("mono:cardioid").kind, ListenerKind::array);
   EXPECT_EQ(ListenerLayout::named("mono:omni").kind, ListenerKind::mono);
-  for (const char* wrong : {"stereo", "ambisonics", "ambisonics:", "ambisonics:10", "ambisonics:-1", "ambisonics:2x", "ambisonics:2:maxn",
-                            "binaural:3", "array:", "mono:loud", "array:/nowhere/mics.yaml", ""})
+  for (const char* wrong : {"stereophonic", "ambisonics", "ambisonics:", "ambisonics:10", "ambisonics:-1", "ambisonics:2x",
+                            "ambisonics:2:maxn", "binaural:3", "array:", "mono:loud", "array:/nowhere/mics.yaml", ""})
     EXPECT_THROW(ListenerLayout::named(wrong), InputError) << wrong;
 }
 
@@ -59,12 +60,15 @@ TEST_F(ArrayFile, IsRead) {
 microphones:
   - {name: left, position_m: [-0.1, 0, 0.02]}
   - {name: right, position_m: [0.1, 0, 0], pattern: cardioid, azimuth_deg: -90}
-  - {position_m: [0, 0, 0], omni_weight: 0.25, elevation_deg: 90}
+  - {omni_weight: 0.25, elevation_deg: 90, lowpass_hz: 120}
 )");
   ASSERT_EQ(layout.num_channels(), 3);
   EXPECT_EQ(layout.microphones[0].name, "left");
   EXPECT_EQ(layout.microphones[0].position_m, glm::vec3(-0.1f, 0, 0.02f));
   EXPECT_EQ(layout.microphones[0].directivity, nullptr);
+  EXPECT_EQ(layout.microphones[2].position_m, glm::vec3(0));
+  EXPECT_EQ(layout.microphones[2].lowpass_hz, 120.f);
+  EXPECT_EQ(layout.microphones[0].lowpass_hz, 0.f);
   // The second looks to the right: counter-clockwise angles, so -90.
   const auto gain = [&](std::size_t i, glm::vec3 from) {
     const Microphone& microphone = layout.microphones[i];
@@ -85,6 +89,9 @@ TEST_F(ArrayFile, BadOnesAreRefused) {
   expect_refused("microphones: [{position_m: [0, 0, .nan]}]", "position_m");
   expect_refused("microphones: [{position_m: [0, 0, 0], pattern: cardioid, omni_weight: 0.5}]", "omni_weight");
   expect_refused("microphones: [{position_m: [0, 0, 0], gain: 2}]", "gain");
+  expect_refused("microphones: [{lowpass_hz: 5}]", "lowpass_hz");
+  expect_refused("microphones:\n  - {name: a}\n  - {azimut_deg: 5}", ":3");
+  expect_refused("microphones:\n  - {name: a}\n  - {azimut_deg: 5}", "azimuth_deg");
   expect_refused("microphones: [{position_m: [0, 0, 0], name: a}, {position_m: [0, 0, 1], name: a}]", "'a' twice");
   expect_refused("microphones: [{position_m: [0, 0, 0], name: mic1}, {position_m: [0, 0, 1]}]",
                  "'mic1' twice");  // the name of an unnamed one
