@@ -425,7 +425,7 @@ class RirBench {
                               .max_block_samples = block,
                               .crossfade_samples = 800};
     const SpectrogramConfig shape{.sample_rate_hz = config.sample_rate_hz};
-    HearingEngines engines(tables_, stream, shape, make_dry_spectra(stream));
+    HearingEngines engines(tables_, stream, shape, make_dry_spectra(stream, 2));
     const LibrarySound dry(synthesize_sound("synth:speech", config.sample_rate_hz));
     std::vector<float> sound(2 * static_cast<std::size_t>(block)), window(2 * static_cast<std::size_t>(shape.num_samples)),
         spectrogram(2 * static_cast<std::size_t>(shape.rows()) * static_cast<std::size_t>(shape.columns()));

@@ -18,6 +18,10 @@ constexpr std::array<std::pair<std::string_view, Baseline>, 5> kNames = {{{"rand
                                                                           {"oracle", Baseline::oracle}}};
 
 std::unique_ptr<BaselineMemory> make_memory(Baseline baseline, const EnvConfig& config) {
+  const bool listens = baseline == Baseline::greedy || baseline == Baseline::classical;
+  if (listens && config.observation.hears() && !config.observation.has_ears())
+    throw InputError(baseline_name(baseline), "listens with two ears, but observation.channels is '" + config.observation.channels + "'",
+                     "set observation.channels to binaural");
   switch (baseline) {
     case Baseline::greedy:
       return std::make_unique<GreedyAgent>(config);

@@ -162,12 +162,12 @@ void AgentSenses::observe_sound(Agent& agent, HearingEngines& engines) const {
   const auto cells = interaural ? interaural->row<float>(agent.row) : std::span<float>{};
   const bool legacy = setup_->config.observation.legacy_spectrogram;
   if (legacy) {  // the new samples, then zeros (docs/reference/formats.md, section 6.2)
-    const std::size_t samples = engines.window.size() / 2, block = size_of(setup_->block_samples);
+    const std::size_t samples = engines.window.size() / engines.num_channels, block = size_of(setup_->block_samples);
     const auto sound = rows_->of(SensorKind::waveform)->row<float>(agent.row);
     std::fill(engines.window.begin(), engines.window.end(), 0.f);
-    for (std::size_t ear = 0; ear < 2; ++ear)
-      std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * block), block,
-                  engines.window.begin() + static_cast<std::ptrdiff_t>(ear * samples));
+    for (std::size_t channel = 0; channel < engines.num_channels; ++channel)
+      std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(channel * block), block,
+                  engines.window.begin() + static_cast<std::ptrdiff_t>(channel * samples));
     engines.analyzer.analyze(engines.window, picture);
   }
   const auto heard = rows_->of(SensorKind::heard)->row<float>(agent.row);

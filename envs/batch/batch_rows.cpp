@@ -14,6 +14,7 @@ std::vector<SensorSpec> kept_sensors(const ObservationSpec& spec, int block_samp
   kept.waveform = spec.hears() && !spec.waveform;
   kept.heard = spec.hears() && !spec.heard;
   kept.sound = spec.sound;
+  kept.channels = spec.channels;
   return sensor_table(kept, block_samples);
 }
 

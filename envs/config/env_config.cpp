@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envs/config/env_config.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -13,7 +14,11 @@
 namespace earshot {
 namespace {
 
-void read_acoustics(ConfigReader& reader, EnvConfig& config) {
+/// The late field carries harmonics up to here.
+constexpr int kTracedOrder = 5;
+
+/// Returns whether the order of harmonics is given.
+bool read_acoustics(ConfigReader& reader, EnvConfig& config) {
   ConfigReader acoustics = reader.child("acoustics", "Simulation of responses: a preset, and keys over it.");
   if (!config.accuracy.empty())
     for (const std::string_view key : keys_of_accuracy())
@@ -24,6 +29,7 @@ void read_acoustics(ConfigReader& reader, EnvConfig& config) {
   if (!preset.empty()) config.acoustics = acoustic_preset(preset);
   read(acoustics, config.acoustics);
   acoustics.finish();
+  return acoustics.has("sh_order");
 }
 
 void read_stores(ConfigReader& reader, EnvConfig& config) {
@@ -51,10 +57,13 @@ void read(ConfigReader& reader, EnvConfig& config) {
   task.finish();
   reader.read("accuracy", config.accuracy, Allowed::text("errors, for example t20=10%,drr=2dB"),
               "Errors that responses may have; a planner chooses the cheapest acoustics within them. Empty: acoustics decides.");
-  read_acoustics(reader, config);
+  const bool has_order = read_acoustics(reader, config);
   ConfigReader observation = reader.child("observation", "Sensors of the agents.");
   read(observation, config.observation);
   observation.finish();
+  // The late field has the harmonics that the channels need, as in `earshot rir`, unless the config says otherwise.
+  if (!has_order && config.observation.channels.starts_with("ambisonic"))
+    config.acoustics.sh_order = std::clamp(config.observation.layout().order, config.acoustics.sh_order, kTracedOrder);
   // The analysed window is one second of what is rendered (docs/reference/conventions.md, section 6).
   config.observation.sound.sample_rate_hz = config.acoustics.sample_rate_hz;
   config.observation.sound.num_samples = static_cast<int>(std::lround(config.acoustics.sample_rate_hz));
@@ -62,7 +71,8 @@ void read(ConfigReader& reader, EnvConfig& config) {
   read(navmesh, config.navmesh);
   navmesh.finish();
 
-  reader.read("hrtf", config.hrtf, Allowed::text("a SOFA file"), "SOFA file with HRTFs. Empty: a rigid sphere of radius 8.75 cm.");
+  reader.read("hrtf", config.hrtf, Allowed::text("a SOFA file"),
+              "SOFA file with HRTFs, for observation.channels binaural. Empty: a rigid sphere of radius 8.75 cm.");
   reader.read("sound_root", config.sound_root, Allowed::text("a folder"), "Folder of sounds that an episode set names without a path.");
   reader.read("sound_gain", config.sound_gain, Allowed::above(0),
               "Factor on the dry sound. 12.566371 (4 pi) makes a source as loud at 1 m as its dry clip.");
@@ -100,6 +110,8 @@ void validate(const EnvConfig& config) {
     require(config.observation.hears(), "accuracy", config.accuracy, "has no effect without a sound sensor");
   }
   validate(config.navmesh);
+  require(config.hrtf.empty() || config.observation.has_ears(), "hrtf", config.hrtf,
+          "has no effect unless observation.channels is binaural");
   const float rate_hz = config.acoustics.sample_rate_hz;
   require(config.observation.sound.sample_rate_hz == rate_hz, "observation.sound.sample_rate_hz", config.observation.sound.sample_rate_hz,
           "must equal acoustics.sample_rate_hz: the spectrogram is computed from the rendered sound");

@@ -9,13 +9,13 @@
 namespace earshot {
 namespace {
 
-/// Appends [2, n] to the end of a rolling [2, samples], dropping the oldest.
-void push(std::span<const float> sound, std::span<float> window) {
-  const std::size_t n = sound.size() / 2, samples = window.size() / 2;
-  for (std::size_t ear = 0; ear < 2; ++ear) {
-    const auto row = window.subspan(ear * samples, samples);
+/// Appends [channels, n] to the end of a rolling [channels, samples], dropping the oldest.
+void push(std::span<const float> sound, std::size_t num_channels, std::span<float> window) {
+  const std::size_t n = sound.size() / num_channels, samples = window.size() / num_channels;
+  for (std::size_t channel = 0; channel < num_channels; ++channel) {
+    const auto row = window.subspan(channel * samples, samples);
     std::copy(row.begin() + static_cast<std::ptrdiff_t>(n), row.end(), row.begin());
-    std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(ear * n), n, row.end() - static_cast<std::ptrdiff_t>(n));
+    std::copy_n(sound.begin() + static_cast<std::ptrdiff_t>(channel * n), n, row.end() - static_cast<std::ptrdiff_t>(n));
   }
 }
 
@@ -60,24 +60,24 @@ bool AgentHearing::convolve(HearingEngines& engines, int block, std::span<float>
     }
   }
   if (first) std::fill(sound.begin(), sound.end(), 0.f);
-  if (noise_.rms > 0) add_noise(sound);
+  if (noise_.rms > 0) add_noise(sound, engines.num_channels);
   sample_ += static_cast<std::uint64_t>(block);
   const bool finite = all_finite(sound);
   if (!finite) std::fill(sound.begin(), sound.end(), 0.f);
-  push(sound, window);
+  push(sound, engines.num_channels, window);
   new_samples_ += static_cast<std::size_t>(block);
   return finite;
 }
 
 /// Normal numbers as a function of the stream sample: a replay from the middle has the same.
-void AgentHearing::add_noise(std::span<float> sound) const {
-  const std::size_t block = sound.size() / 2;
-  for (std::size_t ear = 0; ear < 2; ++ear) {
+void AgentHearing::add_noise(std::span<float> sound, std::size_t num_channels) const {
+  const std::size_t block = sound.size() / num_channels;
+  for (std::size_t channel = 0; channel < num_channels; ++channel) {
     // After the offsets of sounds, which are draws of (stream, episode, 0).
     const RandomStream random(noise_.seed, Purpose::sound, noise_.stream, noise_.episode,
-                              static_cast<std::uint32_t>(1 + 2 * noise_.agent + ear));
+                              static_cast<std::uint32_t>(1 + num_channels * noise_.agent + channel));
     for (std::size_t i = 0; i < block; ++i)  // one of a pair, so that a sample depends on its place alone
-      sound[ear * block + i] += noise_.rms * random.normal2(static_cast<std::uint32_t>(sample_ + i))[0];
+      sound[channel * block + i] += noise_.rms * random.normal2(static_cast<std::uint32_t>(sample_ + i))[0];
   }
 }
 
@@ -89,11 +89,11 @@ void AgentHearing::analyze(HearingEngines& engines, std::span<const float> windo
 }
 
 bool AgentHearing::fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window) {
-  const auto samples = static_cast<int>(window.size() / 2);
+  const auto samples = static_cast<int>(window.size() / engines.num_channels);
   bool finite = true;
   // The odd piece first, so that the last call leaves whole block in `sound`.
   if (const int odd = samples % block; odd > 0)
-    finite = convolve(engines, odd, std::span(engines.block).first(2 * static_cast<std::size_t>(odd)), window);
+    finite = convolve(engines, odd, std::span(engines.block).first(engines.num_channels * static_cast<std::size_t>(odd)), window);
   for (int piece = 0; piece < samples / block; ++piece) finite = convolve(engines, block, sound, window) && finite;
   return finite;
 }

@@ -10,7 +10,7 @@
 
 namespace earshot {
 
-/// Noise at the ears that comes from no source of the episode: white in the band of the sound, another for each ear.
+/// Noise at the ears that comes from no source of the episode: white in the band of the sound, another for each ear or other channel.
 struct BackgroundNoise {
   float rms = 0;  ///< 0: none
   std::uint64_t seed = 0;
@@ -28,11 +28,11 @@ class AgentHearing {
   void trace(const HearingEngines& engines, const Pose& pose, float ear_height_m, int block);
   /// Their RIRs.  Returns false if one is not finite: see SourceHearing.
   bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook = {});
-  /// The next `block` samples: written to `sound` [2, block] and pushed into the rolling `window` [2, samples].  Returns false if they
-  /// were not finite: zeros are written then.
+  /// The next `block` samples: written to `sound` [channels, block] and pushed into the rolling `window` [channels, samples].  Returns
+  /// false if they were not finite: zeros are written then.
   bool convolve(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
-  /// Spectrogram [rows, columns, 2] and interaural cells [rows, columns, 4] of the window that convolve() filled, where they are not empty:
-  /// only frames with new samples are worked out.
+  /// Spectrogram [rows, columns, channels] and interaural cells [rows, columns, 4] of the window that convolve() filled, where they are not
+  /// empty: only frames with new samples are worked out.
   void analyze(HearingEngines& engines, std::span<const float> window, std::span<float> spectrogram, std::span<float> interaural);
   /// Fills the window as if the agent had stood here before, and leaves its last `block` samples in `sound`.
   bool fill_window(HearingEngines& engines, int block, std::span<float> sound, std::span<float> window);
@@ -44,7 +44,7 @@ class AgentHearing {
   [[nodiscard]] std::uint64_t cached_responses() const;
 
  private:
-  void add_noise(std::span<float> sound) const;
+  void add_noise(std::span<float> sound, std::size_t num_channels) const;
 
   std::vector<SourceHearing> sources_;  ///< as many as any episode had: storage is kept
   std::vector<std::uint8_t> sounding_;  ///< [sources of this episode] in the block of the last trace()

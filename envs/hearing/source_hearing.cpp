@@ -11,6 +11,7 @@
 #include "envs/hearing/finite_values.h"
 #include "envs/hearing/same_bits.h"
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/base/files.h"
 
 namespace earshot {
@@ -24,18 +25,19 @@ constexpr double kSpeedOfSoundMPerS = 343;
 HearingEngines::HearingEngines(std::shared_ptr<const SynthesisTables> tables, const StreamConfig& stream,
                                const SpectrogramConfig& spectrogram, std::shared_ptr<DrySpectra> dry_spectra, double most_speed_m_per_s)
     : synthesizer(tables),
-      convolver(stream, 2, std::move(dry_spectra)),
-      glider(std::move(tables), stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMaxSlope)),
+      convolver(stream, tables->layout.num_channels(), std::move(dry_spectra)),
+      glider(tables, stream.max_block_samples, std::min(most_speed_m_per_s / kSpeedOfSoundMPerS, PathGlider::kMaxSlope)),
       crossfade_samples(stream.crossfade_samples),
       max_rir_samples(stream.max_rir_samples),
       analyzer(spectrogram),
       interaural(spectrogram),
-      block(2 * static_cast<std::size_t>(stream.max_block_samples)),
+      num_channels(static_cast<std::size_t>(tables->layout.num_channels())),
+      block(num_channels * static_cast<std::size_t>(stream.max_block_samples)),
       part(block.size()),
-      window(2 * static_cast<std::size_t>(spectrogram.num_samples)) {}
+      window(num_channels * static_cast<std::size_t>(spectrogram.num_samples)) {}
 
-std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream) {
-  return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, 2).fft_size, std::size_t{16} << 20);
+std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream, int num_channels) {
+  return std::make_shared<DrySpectra>(StreamConvolver::plan(stream, num_channels).fft_size, std::size_t{16} << 20);
 }
 
 void SourceHearing::begin(const PlayedSound& played) {

@@ -32,13 +32,14 @@ struct HearingEngines {
   int crossfade_samples, max_rir_samples;
   SpectrogramAnalyzer analyzer;
   InterauralAnalyzer interaural;
-  std::vector<float> block;   ///< [2, block samples], of an odd piece
-  std::vector<float> part;    ///< [2, block samples], of one source among several
-  std::vector<float> window;  ///< [2, window samples], for the legacy spectrogram
+  std::size_t num_channels;
+  std::vector<float> block;   ///< [channels, block samples], of an odd piece
+  std::vector<float> part;    ///< [channels, block samples], of one source among several
+  std::vector<float> window;  ///< [channels, window samples], for the legacy spectrogram
 };
 
 /// A cache of 16 MiB for the spectra of the dry sounds of all agents.
-std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream);
+std::shared_ptr<DrySpectra> make_dry_spectra(const StreamConfig& stream, int num_channels);
 
 /// A source in one episode, and what it plays.  source, moving, sound: must outlive the episode.
 struct PlayedSound {
@@ -69,7 +70,7 @@ class SourceHearing {
   /// where neither changed.  hook: called with the RIR before it is used.  Returns false if the RIR is not finite: the source is silent
   /// then until begin().
   bool synthesize(HearingEngines& engines, double heading_rad, const std::function<void(std::span<float> rir)>& hook);
-  /// The next `block` samples, written to `sound` [2, block].
+  /// The next `block` samples, written to `sound` [channels, block].
   void convolve(HearingEngines& engines, int block, std::span<float> sound);
   /// The next `block` samples are not heard: clears the history.
   void pass(int block);

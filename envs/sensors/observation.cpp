@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envs/sensors/observation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <set>
 
@@ -10,6 +12,9 @@
 
 namespace earshot {
 namespace {
+
+/// Of StreamConvolver.
+constexpr int kMaxSoundChannels = 64;
 
 void read(ConfigReader& reader, ExtraCamera& camera) {
   reader.read("depth", camera.depth, "Depth picture, [H, W, 1] floats of max_depth_m.");
@@ -71,10 +76,14 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
       "where its device is hardware.");
   reader.read("egl_device", spec.egl_device, Allowed::text("auto, software, a number, a UUID or cuda:N"),
               "Device of the renderer egl. auto: the first hardware.");
-  reader.read("spectrogram", spec.spectrogram, "Log-magnitude spectrogram of the last second at both ears.");
-  reader.read("interaural", spec.interaural, "Level, interaural level difference and interaural phase difference of the last second.");
-  reader.read("waveform", spec.waveform, "Binaural sound of the step.");
-  reader.read("heard", spec.heard, "Binaural sound of the last second.");
+  reader.read("spectrogram", spec.spectrogram, "Log-magnitude spectrogram of the last second, of each channel of the sound.");
+  reader.read("interaural", spec.interaural,
+              "Level, interaural level difference and interaural phase difference of the last second; needs channels binaural.");
+  reader.read("waveform", spec.waveform, "Sound of the step, [channels, samples].");
+  reader.read("heard", spec.heard, "Sound of the last second, [channels, samples].");
+  reader.read("channels", spec.channels, Allowed::text("channels as of earshot rir"), kChannelsAbout);
+  // A file of microphones is read where it is used: configs come from others too.
+  if (!reader.is_describing() && !spec.channels.starts_with("array:")) static_cast<void>(read_layout(reader, "channels", spec.channels));
   reader.read("pointgoal", spec.pointgoal, "Distance and bearing of the goal.");
   reader.read("gps_compass", spec.gps_compass, "Metres ahead of and right of the start, and radians turned since.");
   reader.read("pose", spec.pose, "Values of gps_compass, and seconds since the start.");
@@ -98,6 +107,10 @@ void validate(const ObservationSpec& spec) {
   require(spec.spectrogram || !spec.legacy_spectrogram, "observation.legacy_spectrogram", true,
           "has no effect without observation.spectrogram");
   check_values(spec, "observation");
+  const int num_channels = spec.layout().num_channels();
+  require(num_channels <= kMaxSoundChannels, "observation.channels", spec.channels,
+          fmt::format("has {} channels; environments take at most {}", num_channels, kMaxSoundChannels));
+  require(spec.has_ears() || !spec.interaural, "observation.interaural", true, "needs observation.channels: binaural");
   const TopdownMapConfig untouched;
   const auto require_map = [&](bool is_default, const char* key, const auto& value) {
     require(spec.topdown_map || is_default, key, value, "has no effect without observation.topdown_map");

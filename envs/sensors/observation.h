@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/audio/head/listener_layout.h"
 #include "sim/audio/transforms/spectrogram.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/nav/topdown_map.h"
@@ -40,6 +41,7 @@ struct ObservationSpec {
   bool depth = true, rgb = false, semantic = false, normals = false;  ///< of the main camera
   bool spectrogram = true, interaural = false;
   bool waveform = false, heard = false;
+  std::string channels = "binaural";  ///< of the sound, as ListenerLayout::named: of all sensors that hear but `interaural`, which has ears
   bool pointgoal = false, gps_compass = false, pose = false;
   bool collision = false, previous_action = false;
   bool topdown_map = false;
@@ -57,6 +59,9 @@ struct ObservationSpec {
   bool legacy_spectrogram = false;  ///< only the new samples, zero-padded to the window (SoundSpaces 2.0)
   /// Whether any sensor needs the sound at the ears.
   [[nodiscard]] bool hears() const { return spectrogram || interaural || waveform || heard; }
+  [[nodiscard]] bool has_ears() const { return channels == "binaural"; }
+  /// Reads the file of array:FILE.
+  [[nodiscard]] ListenerLayout layout() const { return ListenerLayout::named(channels); }
   /// The main camera, if it has a sensor, and the further ones.
   [[nodiscard]] std::vector<ExtraCamera> all_cameras() const;
 };

@@ -95,11 +95,13 @@ std::vector<SensorSpec> sensor_table(const ObservationSpec& spec, int step_sampl
     add(camera.normals, prefix + "normals", SensorKind::normals, f32, {height, width, 3}, "1", -1, 1);
     for (std::size_t sensor = first; sensor < table.size(); ++sensor) table[sensor].camera = static_cast<int>(i);
   }
-  add(spec.spectrogram, "spectrogram", SensorKind::spectrogram, f32, {spec.sound.rows(), spec.sound.columns(), 2}, "1", 0, kUnbounded);
+  const int channels = spec.hears() ? spec.layout().num_channels() : 0;
+  add(spec.spectrogram, "spectrogram", SensorKind::spectrogram, f32, {spec.sound.rows(), spec.sound.columns(), channels}, "1", 0,
+      kUnbounded);
   add(spec.interaural, "interaural", SensorKind::interaural, f32, {spec.sound.rows(), spec.sound.columns(), kInterauralChannels}, "1",
       -kUnbounded, kUnbounded);
-  add(spec.waveform, "waveform", SensorKind::waveform, f32, {2, step_samples}, "1", -kUnbounded, kUnbounded);
-  add(spec.heard, "heard", SensorKind::heard, f32, {2, spec.sound.num_samples}, "1", -kUnbounded, kUnbounded);
+  add(spec.waveform, "waveform", SensorKind::waveform, f32, {channels, step_samples}, "1", -kUnbounded, kUnbounded);
+  add(spec.heard, "heard", SensorKind::heard, f32, {channels, spec.sound.num_samples}, "1", -kUnbounded, kUnbounded);
   add(spec.pointgoal, "pointgoal", SensorKind::pointgoal, f32, {2}, "m,rad", -kPi, kUnbounded);
   add(spec.gps_compass, "gps_compass", SensorKind::gps_compass, f32, {3}, "m,m,rad", -kUnbounded, kUnbounded);
   add(spec.pose, "pose", SensorKind::pose, f32, {4}, "m,m,rad,s", -kUnbounded, kUnbounded);

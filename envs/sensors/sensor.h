@@ -18,10 +18,10 @@ enum class SensorKind : std::uint8_t {
   rgb,          ///< uint8 [height, width, 3], as CameraImages::rgb
   semantic,     ///< uint16 [height, width, 1], as CameraImages::semantic
   normals,      ///< float32 [height, width, 3], as CameraImages::normals
-  spectrogram,  ///< float32 [rows, columns, 2], log(1 + magnitude) of the last second, left and right ear
+  spectrogram,  ///< float32 [rows, columns, channels], log(1 + magnitude) of the last second, left and right ear or other channels
   interaural,   ///< float32 [rows, columns, 4]: level, and differences of level and phase between the ears (interaural_spectrogram.h)
-  waveform,     ///< float32 [2, samples of a step]: sound at the ears in this step
-  heard,        ///< float32 [2, samples of a second]: sound at the ears in the last second
+  waveform,     ///< float32 [channels, samples of a step]: sound in this step, at the left and the right ear or of other channels
+  heard,        ///< float32 [channels, samples of a second]: sound in the last second
   pointgoal,    ///< float32 [2], privileged: horizontal distance to the goal in metres, and its bearing in radians, counter-clockwise from
                 ///< ahead
   gps_compass,  ///< float32 [3]: metres ahead of and to the right of the start, as it faced, and radians turned since, in [-pi, pi]

@@ -113,7 +113,11 @@ class Recorder {
         camera_(camera_of(env.config(), recording.config)),
         bearing_(env.config().acoustics.sample_rate_hz),
         response_(static_cast<std::size_t>(InterauralBearing::kNumAngles)) {
-    recording.samples_per_step = static_cast<int>(float_rows(env, "waveform").size() / 2);
+    const ListenerLayout layout = env.config().observation.layout();
+    num_channels_ = static_cast<std::size_t>(layout.num_channels());
+    const bool has_sides = layout.kind == ListenerKind::binaural || (layout.kind == ListenerKind::array && num_channels_ > 1);
+    right_channel_ = has_sides ? 1 : 0;
+    recording.samples_per_step = static_cast<int>(float_rows(env, "waveform").size() / num_channels_);
   }
 
   /// ended: the last step ended the episode, whose rows are the final ones.
@@ -153,10 +157,10 @@ class Recorder {
   }
 
   void hear(std::span<const float> sound, RecordedStep& step) {
-    const std::size_t samples = sound.size() / 2;
+    const std::size_t samples = sound.size() / num_channels_;
     double loudest = 0;
     for (std::size_t ear = 0; ear < 2; ++ear) {
-      const auto part = sound.subspan(ear * samples, samples);
+      const auto part = sound.subspan((ear == 0 ? 0 : right_channel_) * samples, samples);
       double energy = 0;
       for (const float value : part) energy += static_cast<double>(value) * static_cast<double>(value);
       const double rms = std::sqrt(energy / static_cast<double>(std::max<std::size_t>(1, samples)));
@@ -165,7 +169,7 @@ class Recorder {
       ears_[ear].insert(ears_[ear].end(), part.begin(), part.end());
     }
     constexpr std::size_t least = 512;  // of InterauralBearing
-    if (loudest <= kSilentRms || samples < least) return;
+    if (loudest <= kSilentRms || samples < least || !env_->config().observation.has_ears()) return;
     const auto estimate = bearing_.estimate(sound, response_);
     if (!estimate.silent) step.heard_rad = estimate.lateral_rad;
   }
@@ -182,6 +186,7 @@ class Recorder {
   EmbreeCamera camera_;
   InterauralBearing bearing_;
   std::vector<float> response_;
+  std::size_t num_channels_ = 2, right_channel_ = 1;  ///< in the place of the ears: the first two of an array, the first of harmonics
   std::array<std::vector<float>, 2> ears_;
 };
 

@@ -29,6 +29,7 @@ bool is_local_key(const std::string& key) {
 SensedConfig sensed_config(const EnvConfig& env) {
   SensedConfig senses = flat_config(config_text(env));
   std::erase_if(senses, [](const auto& entry) { return is_local_key(entry.first); });
+  if (env.observation.has_ears()) senses.erase("observation.channels");  // goes without saying, as in the hashes of benchmarks
   if (!env.hrtf.empty()) senses[kHead] = sha256_hex(read_regular_file(env.hrtf, kMaxHeadBytes));
   return senses;
 }

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of an episode for people: the view of the agent, the floor around it, and the sound at both ears.
+"""Pictures of an episode for people: the view of the agent, the floor around it, and the sound at both ears (of other
+channels: the first two).
 
 They come from sensors that a render mode adds to the batch.  These are no observations: they stand in no space, and the values of the
 others do not depend on them.
@@ -63,7 +64,8 @@ def draw(rows: Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
     if SOUND in rows:
         half = SIDE // 2
         for ear in range(2):
-            frame[ear * half : (ear + 1) * half, 2 * SIDE :] = _scaled(_sound(rows[SOUND][..., ear]), half)
+            channel = min(ear, rows[SOUND].shape[-1] - 1)
+            frame[ear * half : (ear + 1) * half, 2 * SIDE :] = _scaled(_sound(rows[SOUND][..., channel]), half)
     return frame
 
 

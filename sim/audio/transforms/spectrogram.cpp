@@ -79,8 +79,8 @@ struct SpectrogramAnalyzer::Impl {
     sum_rows(squares, magnitude.size(), static_cast<std::size_t>(config.pool), sums);
   }
 
-  /// Mean over the frames of each column and its logarithm.
-  void pool_columns(std::span<const float> frames, std::size_t channel, std::span<float> spectrogram) {
+  /// Mean over the frames of each column and its logarithm: to every num_channels-th value.
+  void pool_columns(std::span<const float> frames, std::size_t channel, std::size_t num_channels, std::span<float> spectrogram) {
     const auto pool = static_cast<std::size_t>(config.pool);
     const float pool_area = static_cast<float>(config.pool * config.pool);
     for (std::size_t column = 0; column < columns; ++column) {
@@ -91,7 +91,7 @@ struct SpectrogramAnalyzer::Impl {
       }
       for (float& value : pooled) value /= pool_area;
       log1p_of(pooled);
-      for (std::size_t row = 0; row < rows; ++row) spectrogram[2 * (row * columns + column) + channel] = pooled[row];
+      for (std::size_t row = 0; row < rows; ++row) spectrogram[num_channels * (row * columns + column) + channel] = pooled[row];
     }
   }
 
@@ -117,12 +117,13 @@ void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_
   const FlushDenormals flush;
   Impl& in = *impl_;
   const auto samples = static_cast<std::size_t>(in.config.num_samples), hop = static_cast<std::size_t>(in.config.hop);
-  EARSHOT_EXPECT(sound.size() == 2 * samples && spectrogram.size() == 2 * in.rows * in.columns);
+  const std::size_t num_channels = sound.size() / samples;
+  EARSHOT_EXPECT(num_channels > 0 && sound.size() == num_channels * samples && spectrogram.size() == num_channels * in.rows * in.columns);
   const std::size_t per_channel = in.num_frames * in.rows;
-  history.rows_.resize(2 * per_channel);
+  history.rows_.resize(num_channels * per_channel);
   const std::size_t moved = new_samples / hop;
   const bool known = history.valid_ && new_samples % hop == 0;
-  for (std::size_t channel = 0; channel < 2; ++channel) {
+  for (std::size_t channel = 0; channel < num_channels; ++channel) {
     const std::span<float> frames = std::span(history.rows_).subspan(channel * per_channel, per_channel);
     if (known && moved > 0 && moved < in.num_frames)
       std::copy(frames.begin() + static_cast<std::ptrdiff_t>(moved * in.rows), frames.end(), frames.begin());
@@ -130,7 +131,7 @@ void SpectrogramAnalyzer::analyze(std::span<const float> sound, std::size_t new_
       const bool cached = known && t + moved < in.num_frames && in.stft.inside(t) && in.stft.inside(t + moved);
       if (!cached) in.analyze_frame(sound.subspan(channel * samples, samples), t, frames.subspan(t * in.rows, in.rows));
     }
-    in.pool_columns(frames, channel, spectrogram);
+    in.pool_columns(frames, channel, num_channels, spectrogram);
   }
   history.valid_ = true;
 }
