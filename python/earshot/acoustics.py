@@ -129,7 +129,8 @@ class Source:
     ) -> NDArray[np.float32]:
         """Render impulse responses: [channels, samples] for one listener [3], [n, channels, samples] for several [n, 3].
 
-        :param channels: ``mono[:PATTERN]``, ``binaural``, ``ambisonic:ORDER[:n3d|:sn3d][:world|:ego]`` or ``array:FILE``.
+        :param channels: ``mono[:PATTERN]``, ``stereo[:xy|:ms|:ab|:ortf]``, ``binaural``, ``quad``, ``surround_5_1``, ``surround_7_1``,
+            ``ambisonic:ORDER[:n3d|:sn3d][:world|:ego]`` or ``array:FILE`` (docs/reference/channels.md).
         :param hrtf: SOFA file of the head; empty for a rigid sphere.
         :param threads: Threads over the listeners; 0 uses all cores.
         """

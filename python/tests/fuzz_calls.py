@@ -64,7 +64,7 @@ odd = st.sampled_from(ODD) | st.integers() | st.floats() | st.text(max_size=8) |
 inside = st.tuples(st.floats(0.3, 5.7), st.floats(0.3, 2.7), st.floats(0.3, 4.7)).map(list)
 places = inside | st.lists(inside, min_size=1, max_size=3)
 angles = st.floats(-720, 720)
-channels = st.sampled_from(["mono", "binaural", "ambisonic:1", "mono:cardioid"])
+channels = st.sampled_from(["mono", "binaural", "ambisonic:1", "mono:cardioid", "quad", "surround_5_1", "stereo:ab"])
 seeds = st.integers(0, 2**64 - 1)
 threads = st.integers(0, 3)
 acts = st.lists(st.integers(0, 3), min_size=2, max_size=2) | st.just(np.array([1, 2], np.uint8))

@@ -55,11 +55,52 @@ def test_impulse_comes_at_its_time(scene: earshot.Scene) -> None:
     assert abs(first - expected) < 3
 
 
-@pytest.mark.parametrize(("channels", "count"), [("mono", 1), ("binaural", 2), ("ambisonic:1", 4), ("ambisonic:2", 9)])
+@pytest.mark.parametrize(
+    ("channels", "count"),
+    [
+        ("mono", 1),
+        ("stereo", 2),
+        ("stereo:ab", 2),
+        ("binaural", 2),
+        ("quad", 4),
+        ("surround_5_1", 6),
+        ("surround_7_1", 8),
+        ("ambisonic:1", 4),
+        ("ambisonic:2", 9),
+    ],
+)
 def test_channels(scene: earshot.Scene, channels: str, count: int) -> None:
     rir = scene.source([2, 1.5, 2]).render([4, 1.5, 3], channels=channels)
     assert rir.shape == (count, round(0.3 * scene.sample_rate_hz))
     assert np.isfinite(rir).all()
+
+
+def test_cardioids_face_their_loudspeakers() -> None:
+    room = earshot.Scene("shoebox:90x90x90@1", preset="fast", settings={"early": "off", "late": "off", "diffraction": "off"})
+    azimuths = {"stereo": [45, -45], "quad": [30, -30, 95, -95], "surround_5_1": [30, -30, 0, None, 110, -110]}
+    azimuths["surround_7_1"] = [30, -30, 0, None, 135, -135, 90, -90]
+    for angle in np.random.default_rng(7).uniform(-180, 180, 5):  # of the source, to the left of the listener's front
+        turn = np.deg2rad(angle)
+        source = room.source([45 - 30 * np.sin(turn), 45, 45 - 30 * np.cos(turn)])
+        mono = source.render([45, 45, 45], channels="mono")[0]
+        for name, speakers in azimuths.items():
+            heard = source.render([45, 45, 45], channels=name)
+            for channel, azimuth in zip(heard, speakers, strict=True):
+                if azimuth is not None:
+                    gain = channel @ mono / (mono @ mono)
+                    assert abs(gain - (0.5 + 0.5 * np.cos(turn - np.deg2rad(azimuth)))) < 1e-3
+
+
+def test_environments_have_the_channels_of_their_config() -> None:
+    config = {"episodes": {"scenes": ["shoebox:6x3x5@0.3"], "sounds": ["synth:noise"]}}
+    for name, count in (("mono", 1), ("quad", 4), ("surround_7_1", 8)):
+        sensors = {"observation": {"channels": name, "waveform": True}, "acoustics": {"rays": 8, "rir_length_s": 0.1}}
+        envs = earshot.make_vec({**config, **sensors}, num_envs=1)
+        shown, _ = envs.reset(seed=3)
+        assert shown["spectrogram"].shape == (1, 65, 26, count)
+        assert shown["waveform"].shape[:2] == (1, count)
+        assert np.all(np.abs(shown["waveform"]).sum(axis=2) > 0)
+        envs.close()
 
 
 def test_left_ear_is_louder_for_a_source_on_the_left(scene: earshot.Scene) -> None:
