@@ -53,7 +53,7 @@ struct ListenerLayout {
   HarmonicAxes axes = HarmonicAxes::world;
   std::vector<Microphone> microphones;         ///< array, [1, 256], each within 10 m
   std::vector<std::filesystem::path> files{};  ///< that it was read from: of an array and of patterns
-  std::uint32_t channel_mask = 0;       ///< loudspeakers of the channels, as dwChannelMask of WAVEFORMATEXTENSIBLE; 0: none
+  std::uint32_t channel_mask = 0;              ///< loudspeakers of the channels, as dwChannelMask of WAVEFORMATEXTENSIBLE; 0: none
 
   static ListenerLayout ambisonics(int order, HarmonicNorm norm = HarmonicNorm::n3d, HarmonicAxes axes = HarmonicAxes::world);
   static ListenerLayout array(std::vector<Microphone> microphones);
