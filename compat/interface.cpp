@@ -220,7 +220,7 @@ const float* RLRA_GetIRChannel(const RLRA_Context context, size_t listener, size
 RLRA_Error RLRA_WriteIRWave(const RLRA_Context context, size_t listener, size_t source, const char* path) {
   return run_for(__func__, context, [&](Context& c) {
     const earshot::Rir& rir = response_of(c, listener, source).rir;
-    earshot::write_wav(path_of(path), rir.samples, rir.num_channels, rir.sample_rate_hz);
+    earshot::write_wav(path_of(path), rir.samples, rir.num_channels, rir.sample_rate_hz, rir.channel_mask);
   });
 }
 

@@ -95,8 +95,8 @@ class ResponseCorpusConfig(Section):
     pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
     roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
-    #: Channels: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot
-    #: rir.
+    #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
+    #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
     #: SOFA file with HRTFs for binaural channels. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
     hrtf: str = ""
@@ -148,8 +148,8 @@ class RecordingCorpusConfig(Section):
     pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
     roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
-    #: Channels: mono[:PATTERN], binaural, ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot
-    #: rir.
+    #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
+    #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
     #: SOFA file with HRTFs for binaural channels. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
     hrtf: str = ""

@@ -168,14 +168,17 @@ class Observation(Section):
     renderer: AutoEglEmbree = "embree"
     #: Device of the renderer egl. auto: the first hardware. Range: auto, software, a number, a UUID or cuda:N.
     egl_device: str = "auto"
-    #: Log-magnitude spectrogram of the last second at both ears.
+    #: Log-magnitude spectrogram of the last second, of each channel of the sound.
     spectrogram: bool = True
-    #: Level, interaural level difference and interaural phase difference of the last second.
+    #: Level, interaural level difference and interaural phase difference of the last second; needs channels binaural.
     interaural: bool = False
-    #: Binaural sound of the step.
+    #: Sound of the step, [channels, samples].
     waveform: bool = False
-    #: Binaural sound of the last second.
+    #: Sound of the last second, [channels, samples].
     heard: bool = False
+    #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
+    #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
+    channels: str = "binaural"
     #: Distance and bearing of the goal.
     pointgoal: bool = False
     #: Metres ahead of and right of the start, and radians turned since.
@@ -317,7 +320,7 @@ class EnvConfig(Section):
     observation: Observation = dataclasses.field(default_factory=Observation)
     #: Walkable surface and the agent's cylinder.
     navmesh: Navmesh = dataclasses.field(default_factory=Navmesh)
-    #: SOFA file with HRTFs. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
+    #: SOFA file with HRTFs, for observation.channels binaural. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
     hrtf: str = ""
     #: Folder of sounds that an episode set names without a path. Range: a folder.
     sound_root: str = ""
