@@ -99,6 +99,8 @@ std::vector<InputFile> input_files_of(const EnvConfig& config, const earshot::Ep
   }
   for (const std::string& sound : sounds_of(set)) files.push_back(sound_file_of(sound, resolve_sound(sound, config.sound_root), since));
   if (!config.hrtf.empty()) files.push_back(sound_file_of(config.hrtf, config.hrtf, since));
+  const ListenerLayout layout = config.observation.layout();
+  for (const std::filesystem::path& file : layout.files) files.push_back(sound_file_of(file.string(), file.string(), since));
   return files;
 }
 
