@@ -9,7 +9,7 @@
 
 namespace earshot {
 
-/// Openings are closed up to this width, in metres.
+/// Openings are closed up to this width in metres, and up to four cells if that is more.
 inline constexpr double kMaxOpeningM = 2;
 
 /// Empty voxels that find_cloud_air needs around the points.
