@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "sim/base/text/json.h"
 #include "sim/vision/png_file.h"
@@ -20,7 +21,6 @@ namespace earshot {
 namespace {
 
 using testing::HasSubstr;
-using testing::Not;
 
 class AnnotatedScenesCli : public Cli {
  protected:
@@ -38,28 +38,32 @@ class AnnotatedScenesCli : public Cli {
     EXPECT_EQ(outcome.exit_code, 0) << scene << "\n" << outcome.errors;
     return parse_json(read("s.json"));
   }
-  [[nodiscard]] static std::map<std::string, double> areas_of(const nlohmann::json& report) {
+  [[nodiscard]] static std::map<std::string, double> areas_of(const nlohmann::json& said) {
     std::map<std::string, double> areas;
-    for (const nlohmann::json& surface : report.at("surfaces")) areas[surface.at("name")] += surface.at("area_m2").get<double>();
+    for (const nlohmann::json& surface : said.at("surfaces")) areas[surface.at("name")] += surface.at("area_m2").get<double>();
     return areas;
   }
-  [[nodiscard]] static std::map<std::string, std::string> materials_of(const nlohmann::json& report) {
+  [[nodiscard]] static std::map<std::string, std::string> materials_of(const nlohmann::json& said) {
     std::map<std::string, std::string> materials;
-    for (const nlohmann::json& surface : report.at("surfaces")) materials[surface.at("name")] = surface.at("material");
+    for (const nlohmann::json& surface : said.at("surfaces")) materials[surface.at("name")] = surface.at("material");
     return materials;
   }
-  [[nodiscard]] std::string response(const std::string& scene, const AnnotatedRoom& room) const {
+  [[nodiscard]] std::vector<float> response(const std::string& scene, const AnnotatedRoom& room) const {
     const CliOutcome outcome =
         earshot("rir " + scene + " --source " + point_text(room.source()) + " --listener " + point_text(room.listener()) +
-                " --preset fast --channels mono --set rays=256 rir_length_s=0.3 --seed 5 --out " + file("x.wav"));
+                " --preset fast --channels mono --set rays=256 rir_length_s=0.3 --out " + file("x.wav"));
     EXPECT_EQ(outcome.exit_code, 0) << scene << "\n" << outcome.errors;
-    return read("x.wav");
+    return read_wav("x.wav");
   }
-  [[nodiscard]] nlohmann::json picture(const std::string& scene, const AnnotatedRoom& room) const {
+  /// Fractions of a panorama, by category.
+  [[nodiscard]] std::map<std::string, double> picture(const std::string& scene, const AnnotatedRoom& room) const {
     const CliOutcome outcome = earshot("render " + scene + " --sensor semantic --panorama --size 96x48 --height 0 --pose " +
                                        point_text(room.listener()) + ",0 --out " + file("x.png") + " --json " + file("x.json"));
     EXPECT_EQ(outcome.exit_code, 0) << scene << "\n" << outcome.errors;
-    return parse_json(read("x.json")).at("categories");
+    std::map<std::string, double> fractions;
+    for (const nlohmann::json& row : parse_json(read("x.json")).at("categories"))
+      fractions[row.at("name").get<std::string>()] = row.at("fraction").get<double>();
+    return fractions;
   }
   void expect_areas(const nlohmann::json& scene, const AnnotatedRoom& room) const {
     const std::map<std::string, double> areas = areas_of(scene);
@@ -76,6 +80,15 @@ class AnnotatedScenesCli : public Cli {
     EXPECT_EQ(materials_of(said), materials_of(report(control)));
     EXPECT_EQ(response(scene, room), response(control, room)) << scene;
     EXPECT_EQ(picture(scene, room), picture(control, room)) << scene;
+  }
+  /// The same categories, but for pixels on the edges of triangles.
+  void expect_like_picture(const std::string& scene, const std::string& control, const AnnotatedRoom& room) const {
+    const std::map<std::string, double> seen = picture(scene, room), expected = picture(control, room);
+    EXPECT_EQ(seen.size(), expected.size());
+    for (const auto& [category, fraction] : expected) {
+      ASSERT_TRUE(seen.contains(category)) << category;
+      EXPECT_NEAR(seen.at(category), fraction, 0.002) << category;
+    }
   }
   std::string control(const AnnotatedRoom& room, const std::string& more = "") const {
     write_in("control", "room.obj", room.obj());
@@ -131,7 +144,7 @@ TEST_F(AnnotatedScenesCli, Hm3dHasTheAreasOfItsColors) {
     const nlohmann::json said = report(scene);
     expect_areas(said, room);
     EXPECT_EQ(materials_of(said), materials_of(report(control(room))));
-    EXPECT_EQ(picture(scene, room), picture(control(room), room));
+    expect_like_picture(scene, control(room), room);
   }
 }
 
@@ -139,7 +152,7 @@ TEST_F(AnnotatedScenesCli, Hm3dHasTheAreasOfItsColors) {
 TEST_F(AnnotatedScenesCli, TheMeshThatIsShownTakesTheCategoriesOfTheOther) {
   const AnnotatedRoom room(160, 1);
   GltfWriter basis = room.bare_gltf();
-  basis.json["extensionsUsed"] = basis.json["extensionsRequired"] = {"KHR_texture_basisu"};
+  basis.json["extensionsUsed"] = basis.json["extensionsRequired"] = nlohmann::json::array({"KHR_texture_basisu"});
   basis.json["images"] = {{{"bufferView", basis.add_view(std::vector<char>{'\xAB', 'K', 'T', 'X', ' ', '2', '0', '\xBB'})}}};
   basis.json["textures"] = {{{"extensions", {{"KHR_texture_basisu", {{"source", 0}}}}}}};
   basis.json["materials"] = {{{"name", "m"}, {"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
@@ -153,11 +166,11 @@ TEST_F(AnnotatedScenesCli, TheMeshThatIsShownTakesTheCategoriesOfTheOther) {
   write_in("replica", "mesh.ply", room.plain_ply());
   write_in("replica/habitat", "mesh_semantic.ply", room.ply());
   write_in("replica/habitat", "info_semantic.json", room.replica_info());
-  for (const auto& [folder, mesh] : {std::pair("hm3d", "a.basis.glb"), {"mp3d", "b.glb"}, {"replica", "mesh.ply"}}) {
+  for (const auto& [folder, mesh] : {std::pair("hm3d", "a.basis.glb"), std::pair("mp3d", "b.glb"), std::pair("replica", "mesh.ply")}) {
     const std::string scene = yaml(folder, mesh);
     const nlohmann::json said = report(scene);
     expect_areas(said, room);
-    EXPECT_EQ(picture(scene, room), picture(control(room), room));
+    expect_like_picture(scene, control(room), room);
   }
   const CliOutcome outcome = earshot("render " + file("hm3d/a.basis.glb") + " --sensor rgb --size 16x16 --height 0 --pose " +
                                      point_text(room.listener()) + ",0 --out " + file("x.png"));
@@ -263,7 +276,7 @@ TEST_F(AnnotatedScenesCli, TheRoomOfTheFieldDecaysAsItsControl) {
                                        " --source 1,1.5,1 --listener 3.5,1.2,2.5 --preset fast --channels mono --out " + file("x.wav"));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
     EXPECT_EQ(outcome.errors, "");
-    return read("x.wav");
+    return read_wav("x.wav");
   };
   EXPECT_EQ(response_of("c13_replica.yaml"), response_of("c13_control.yaml"));
   EXPECT_EQ(materials_of(report((data_folder() / "field/c13_assign.yaml").string())).at("floor"), "carpet_heavy_on_concrete");
