@@ -76,7 +76,7 @@ struct AnnotatedRoom {
   /// The same geometry with the names written by hand: categories as materials, instances as objects.
   [[nodiscard]] std::string obj() const {
     std::string text;
-    for (const glm::dvec3 p : corners) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
+    for (const glm::dvec3& p : corners) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
     for (const Face& face : faces) {
       const std::string category = category_of(face);
       text += fmt::format("o {}\nusemtl {}\nf", category == "unlabelled" ? category : fmt::format("{}_{}", category, face.id), category);
@@ -92,7 +92,7 @@ struct AnnotatedRoom {
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n"
         "property list uchar int vertex_indices\nproperty {} {}\nend_header\n",
         corners.size(), faces.size(), type, property);
-    for (const glm::dvec3 p : corners)
+    for (const glm::dvec3& p : corners)
       for (int axis = 0; axis < 3; ++axis) put(text, static_cast<float>(p[axis]));
     for (const Face& face : faces) {
       put(text, std::uint8_t{4});
@@ -109,7 +109,7 @@ struct AnnotatedRoom {
     std::string text =
         fmt::format("ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n", corners.size());
     text += fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", faces.size());
-    for (const glm::dvec3 p : corners) text += fmt::format("{} {} {}\n", p.x, p.y, p.z);
+    for (const glm::dvec3& p : corners) text += fmt::format("{} {} {}\n", p.x, p.y, p.z);
     for (const Face& face : faces)
       text += fmt::format("4 {} {} {} {}\n", face.corners[0], face.corners[1], face.corners[2], face.corners[3]);
     return text;

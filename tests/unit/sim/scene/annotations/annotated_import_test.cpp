@@ -60,6 +60,23 @@ TEST(AnnotatedImport, NumbersOfFacesNameThem) {
   }
 }
 
+// The room of the field, in Replica's form, is its control: geometry and materials are equal, so the decay is.
+TEST(AnnotatedImport, TheRoomOfTheFieldIsItsControl) {
+  SKIP_WITHOUT_DATA("field/c13_replica.yaml");
+  const Scene replica = load_scene((data_folder() / "field/c13_replica.yaml").string()),
+              control = load_scene((data_folder() / "field/c13_control.yaml").string());
+  EXPECT_EQ(replica.mesh().vertices, control.mesh().vertices);
+  EXPECT_EQ(replica.mesh().triangles, control.mesh().triangles);
+  EXPECT_EQ(replica.mesh().triangle_material, control.mesh().triangle_material);
+  EXPECT_EQ(replica.mesh().material_names, control.mesh().material_names);
+  ASSERT_EQ(replica.materials().size(), control.materials().size());
+  for (std::size_t slot = 0; slot < replica.materials().size(); ++slot)
+    EXPECT_EQ(replica.materials()[slot].name, control.materials()[slot].name);
+  EXPECT_THAT(replica.import_report().warnings, testing::IsEmpty());
+  const Scene assigned = load_scene((data_folder() / "field/c13_assign.yaml").string());
+  EXPECT_EQ(assigned.materials().at(0).name, "carpet_heavy_on_concrete");
+}
+
 // At a vertex of another colour the two others decide.
 TEST(AnnotatedImport, TwoOfThreeVerticesDecide) {
   const TempFolder folder;
