@@ -166,7 +166,7 @@ TEST_F(ModuleCli, ABenchmarkRefusesOrEndsAModuleThatMisbehaves) {
                    AllOf(testing::StartsWith("earshot: " + path("bad.policy")), line));
     EXPECT_FALSE(std::filesystem::exists(path("none.json")));
   };
-  expect_ended(with_line("print(state)"), "", HasSubstr("bad.policy (its module) uses the operator prim::Print, which prints"));
+  expect_ended(with_line("print(state)"), "", HasSubstr("bad.policy (its module): uses the operator prim::Print, which prints"));
   expect_ended(with_line("state = torch.from_file(\"/etc/passwd\", False, 8)"), "", HasSubstr("aten::from_file, which opens a file"));
   expect_ended(with_line("state = state + torch.zeros([274877906944])"), "", HasSubstr("needs more than 4096 MB of memory"));
   expect_ended(with_line("kept = [state]\n    while len(kept) > 0:\n        kept.append(torch.ones([4194304]))"),
