@@ -41,7 +41,7 @@ class Env(Section):
     observation: Observation = dataclasses.field(default_factory=Observation)
     #: Walkable surface and the agent's cylinder.
     navmesh: Navmesh = dataclasses.field(default_factory=Navmesh)
-    #: SOFA file with HRTFs. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
+    #: SOFA file with HRTFs, for observation.channels binaural. Empty: a rigid sphere of radius 8.75 cm. Range: a SOFA file.
     hrtf: str = ""
     #: Folder of sounds that an episode set names without a path. Range: a folder.
     sound_root: str = ""

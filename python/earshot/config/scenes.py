@@ -64,6 +64,9 @@ class SceneConfig(Section):
     ceiling_m: float | None = None
     #: Distance by which surfaces may move to save triangles. Absent: no simplification. Range: above 0 and at most 1.
     simplify_m: float | None = None
+    #: Categories of the surfaces of a scanned mesh. Absent: the file beside the mesh that the data set calls so. Range: a .house,
+    #: an info_semantic.json or a .semantic.txt, relative to this file.
+    annotations: str | None = None
     #: Material database (JSON). Absent: the built-in one. Range: a material database.
     materials: str | None = None
     #: Meaning of the numbers of materials; default: what that file says, else energy.
