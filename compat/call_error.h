@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +18,9 @@ class CallError : public std::runtime_error {
  private:
   RLRA_Error code_;
 };
+
+/// "earshot: LINE" on stderr.  A stderr that is closed or full changes no code: the line is lost.
+inline void print_line(const std::string& line) { static_cast<void>(std::fputs(("earshot: " + line + "\n").c_str(), stderr)); }
 
 /// Throws CallError with RLRA_InvalidParameter.
 inline void check(bool is_valid, const std::string& line) {

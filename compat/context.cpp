@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <glm/geometric.hpp>
 #include <utility>
 
@@ -115,14 +114,14 @@ glm::dvec3 Context::place_of(glm::dvec3 units) const {
 void Context::set_source_position(std::size_t source, glm::dvec3 units) {
   PlacedSource& placed = item_at(sources_, source, "source");
   const glm::dvec3 position = place_of(units);
-  if (position != placed.position) placed.candidates.clear();
+  if (position != placed.position) placed.paths.clear();
   placed.position = position;
 }
 
 void Context::set_source_radius(std::size_t source, double units) {
   PlacedSource& placed = item_at(sources_, source, "source");
   const auto radius = static_cast<float>(radius_m(units, settings_.unit_m));
-  if (radius != placed.radius_m) placed.candidates.clear();
+  if (radius != placed.radius_m) placed.paths.clear();
   placed.radius_m = radius;
 }
 
@@ -190,7 +189,7 @@ void Context::forget_scene() {
   is_scene_known_ = false;
   scene_ = nullptr;
   acoustics_.clear();
-  for (PlacedSource& source : sources_) source.candidates.clear();
+  for (PlacedSource& source : sources_) source.paths.clear();
   for (PlacedListener& listener : listeners_) listener.synthesizer = nullptr;
 }
 
@@ -301,7 +300,7 @@ void Context::trace(RLRA_Ray& ray) {
 
 void Context::say(const std::string& line) {
   if (lines_.size() >= kMaxLines || !lines_.insert(line).second) return;
-  fmt::print(stderr, "earshot: {}{}\n", line, lines_.size() == kMaxLines ? " (further lines are left out)" : "");
+  print_line(line + (lines_.size() == kMaxLines ? " (further lines are left out)" : ""));
 }
 
 }  // namespace earshot::compat

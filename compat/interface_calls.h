@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <exception>
 #include <memory>
 #include <mutex>
@@ -50,7 +49,7 @@ RLRA_Error run_call(const char* function, Call&& call, Say&& say) noexcept {
 /// The same without a context.
 template <class Call>
 RLRA_Error run_call(const char* function, Call&& call) noexcept {
-  return run_call(function, call, [](const std::string& line) { fmt::print(stderr, "earshot: {}\n", line); });
+  return run_call(function, call, [](const std::string& line) { print_line(line); });
 }
 
 /// call(context), alone with it.

@@ -86,8 +86,9 @@ ObjectMesh MeshStaging::take() {
   check(!mesh.empty(), "the mesh has no faces; add vertices and indices before it is finalized");
   for (const MeshCategory& category : mesh.categories)
     for (const std::uint32_t corner : category.corners)
-      check(corner < mesh.positions.size(),
-            fmt::format("a face of '{}' uses vertex {}, but there are {}", category.name, corner, mesh.positions.size()));
+      if (corner >= mesh.positions.size())
+        throw CallError(RLRA_InvalidParameter,
+                        fmt::format("a face of '{}' uses vertex {}, but there are {}", category.name, corner, mesh.positions.size()));
   return mesh;
 }
 

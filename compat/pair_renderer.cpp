@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/audio/head/hrtf.h"
 
@@ -39,7 +38,7 @@ PairResponse PairRenderer::render(const std::shared_ptr<const AcousticScene>& ac
                                   PlacedSource& source, PlacedListener& listener, std::pair<std::size_t, std::size_t> listener_and_source,
                                   std::size_t num_listeners) {
   const Scene& scene = acoustics->scene();
-  std::shared_ptr<const EarlyCandidates>& candidates = source.candidates[acoustics->config().sh_order];
+  auto& [candidates, field] = source.paths[acoustics->config().sh_order];
   if (!candidates) {
     SoundSource sound(scene.to_local(source.position));
     sound.radius_m = source.radius_m;
@@ -49,8 +48,9 @@ PairResponse PairRenderer::render(const std::shared_ptr<const AcousticScene>& ac
   if (settings.has_temporal_coherence) {
     trajectories_[listener_and_source].compute(*acoustics, *candidates, place, response_);
   } else {
-    const std::shared_ptr<const SourceField> field = field_for_poses(*acoustics, *candidates, num_listeners);
-    compute_energy_response(*acoustics, *candidates, field.get(), place, response_);
+    const bool wants_field = wants_source_field(*acoustics, num_listeners);
+    if (wants_field && !field) field = field_for_poses(*acoustics, *candidates, num_listeners);
+    compute_energy_response(*acoustics, *candidates, wants_field ? field.get() : nullptr, place, response_);
   }
   PairResponse pair;
   const CarrierKey key(carrier_key(acoustics->hash(), candidates->source()), place);

@@ -15,15 +15,22 @@
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/response/temporal_reuse.h"
+#include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 
 namespace earshot::compat {
+
+/// What responses of a source share in the scene where it stands.
+struct SourcePaths {
+  std::shared_ptr<const EarlyCandidates> candidates = nullptr;
+  std::shared_ptr<const SourceField> field = nullptr;  ///< null until so many listeners hear it that it pays
+};
 
 /// A source of the caller, in metres of the world, with its image paths in the scene where they were last needed.
 struct PlacedSource {
   glm::dvec3 position{0};
   float radius_m = 0;
-  std::map<int, std::shared_ptr<const EarlyCandidates>> candidates = {};  ///< by order of harmonics; empty after a move
+  std::map<int, SourcePaths> paths = {};  ///< by order of harmonics; empty after a move
 };
 
 /// A listener of the caller, in metres of the world.

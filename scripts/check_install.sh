@@ -56,7 +56,7 @@ while IFS= read -r header; do
 done <"$work/installed"
 
 # A program that was linked with the library of the build runs with the installed one.
-compat=$(dirname "$(find "$prefix" -name libRLRAudioPropagation.so)")
+compat=$(find "$prefix" -name libRLRAudioPropagation.so -printf '%h\n' -quit)
 if [ -x "$build/tests/compat_program" ] && [ -n "$compat" ]; then
   LD_LIBRARY_PATH=$compat ldd "$build/tests/compat_program" | grep -q " $compat/" || fail "the installed libRLRAudioPropagation.so is not the one that runs"
   LD_LIBRARY_PATH=$compat "$build/tests/compat_program" "$work/compat" >"$work/said" 2>/dev/null || { cat "$work/said" >&2; fail "a program fails with the installed libRLRAudioPropagation.so"; }

@@ -263,7 +263,6 @@ def test_shoebox():
         context("Simulate")
         left, right = context.response(0, 0)
         assert energy(right) > 1.2 * energy(left)
-        # W of N3D is the pressure.
         path = pathlib.Path(folder)
         context("WriteIRMetrics", 0, 0, str(path / "metrics.txt").encode())
         rows = [line.split() for line in (path / "metrics.txt").read_text().splitlines() if not line.startswith("#")]
