@@ -37,6 +37,12 @@ Responses
 
 .. autofunction:: measure
 
+Policies
+--------
+
+.. autoclass:: Policy
+   :members:
+
 Results
 -------
 
@@ -72,6 +78,8 @@ Configs
 -------
 
 .. automodule:: earshot.config
+   :members:
+   :imported-members:
 
 .. currentmodule:: earshot
 
