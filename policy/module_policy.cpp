@@ -48,7 +48,7 @@ std::string shape_text(c10::IntArrayRef sizes) { return sizes.empty() ? "a singl
 }  // namespace
 
 std::shared_ptr<const std::string> read_module_file(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path))
+  if (std::error_code error; !std::filesystem::exists(path, error))
     throw InputError("policy.module " + path.string(), "does not exist", "write it with torch.jit.script(module).save(FILE)");
   return std::make_shared<const std::string>(read_regular_file(path, kMaxModuleBytes));
 }
@@ -82,7 +82,7 @@ void ModulePolicyImpl::register_tensors() {
       part->register_buffer(name, item.tensor);
     trains = trains || (item.is_parameter && item.tensor.requires_grad());
   }
-  if (!trains) throw InputError(where_, "has no parameters that train", "script the module itself, not a frozen or traced copy");
+  if (!trains) throw InputError(where_, "has no parameters that train", "script the module itself, not a frozen copy");
   if (!config_.normalize_values) return;
   value_weight_ = register_parameter("value_weight", torch::ones({1}));
   value_bias_ = register_parameter("value_bias", torch::zeros({1}));

@@ -36,7 +36,7 @@ Checkpoint load_agent(const PolicyArguments& options, const std::filesystem::pat
     use_one_torch_thread();
     return policy_of_module(load_run_config(options.run_config, options.overrides), options.agent);
   }
-  if (std::filesystem::is_regular_file(path) && is_zip(path))
+  if (std::error_code error; std::filesystem::is_regular_file(path, error) && is_zip(path))
     throw InputError(path.string(), "is a TorchScript module or another zip file, not an agent",
                      "to make a policy file of a module, name a run config with its sensors: --run-config FILE");
   return load_checkpoint(path);
