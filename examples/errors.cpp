@@ -26,7 +26,7 @@ int main() {
   refused += refuses("a key", [] { const earshot::Scene wrong("shoebox:5x3x4@0.2", {.settings = {{"ray", 100}}}); });
   refused += refuses("a value", [] { const earshot::Scene wrong("shoebox:5x3x4@0.2", {.settings = {{"early_order", 9}}}); });
   refused += refuses("a place", [&] { (void)scene.source({2, 1, 2}).render({20, 1, 2}); });
-  refused += refuses("a layout", [&] { (void)scene.source({2, 1, 2}).render({3, 1, 2}, {.channels = "stereo"}); });
+  refused += refuses("a layout", [&] { (void)scene.source({2, 1, 2}).render({3, 1, 2}, {.channels = "surround_9_1"}); });
   std::printf("%d of 5 refused\n", refused);
   return refused == 5 ? 0 : 1;
 }

@@ -215,7 +215,7 @@ TEST(ApiScene, WrongInputIsRefusedInOneLine) {
   EXPECT_THAT(refusal_of([&] { (void)source.render({50, 1, 1}); }), HasSubstr("listener"));
   EXPECT_THAT(refusal_of([&] { (void)source.render({1, INFINITY, 1}); }), HasSubstr("listener"));
   EXPECT_THAT(refusal_of([&] { (void)source.render({2, 1, 1}, {.heading_deg = NAN}); }), HasSubstr("heading_deg"));
-  EXPECT_THAT(refusal_of([&] { (void)source.render({2, 1, 1}, {.channels = "stereo"}); }), HasSubstr("stereo"));
+  EXPECT_THAT(refusal_of([&] { (void)source.render({2, 1, 1}, {.channels = "surround_9_1"}); }), HasSubstr("surround_9_1"));
   EXPECT_THAT(refusal_of([&] { (void)source.render({2, 1, 1}, {.channels = "mono", .hrtf = "head.sofa"}); }), HasSubstr("hrtf"));
   EXPECT_THAT(refusal_of([&] { (void)source.response({2, 1, 1}, "mono").render({.channels = "binaural"}); }), HasSubstr("harmonics"));
   EXPECT_THAT(refusal_of([&] { (void)source.plan_accuracy("t20=5%", {}); }), HasSubstr("listeners"));
