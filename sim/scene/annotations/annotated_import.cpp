@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <glm/geometric.hpp>
+#include <optional>
 
 #include "sim/base/errors.h"
 #include "sim/base/text/text_match.h"
@@ -39,6 +40,8 @@ void report_unlabelled(const fs::path& names, ImportedMesh& imported) {
                                                  names.filename().string()));
 }
 
+bool is_ply(const fs::path& mesh) { return fold_case(mesh.extension().string()) == ".ply"; }
+
 /// Reads a mesh whose surfaces carry numbers or colours.
 NamedMesh import_carrier(const AnnotationFiles& files, const MeshImportOptions& options, bool& is_used) {
   AnnotatedSurfaces surfaces(files);
@@ -63,7 +66,7 @@ ImportedMesh import_with_transfer(const fs::path& mesh, const AnnotationFiles& f
 bool may_carry(const fs::path& mesh, const fs::path& carrier) {
   const std::string extension = fold_case(mesh.extension().string());
   std::error_code error;
-  return extension == ".ply" ||
+  return is_ply(mesh) ||
          ((extension == ".glb" || extension == ".gltf") && (mesh.stem().string().ends_with(".semantic") || !fs::exists(carrier, error)));
 }
 
@@ -82,6 +85,25 @@ ImportedMesh import_with_named(const fs::path& mesh, const MeshImportOptions& op
   return import_with_transfer(mesh, other, options);
 }
 
+/// With the first of the pairs that has names for the surfaces; nullopt where the mesh itself should carry numbers or colours and has none.
+std::optional<ImportedMesh> import_with_present(const fs::path& mesh, const std::vector<AnnotationFiles>& present,
+                                                const MeshImportOptions& options) {
+  bool may_carry_itself = true;
+  for (const AnnotationFiles& files : present) {
+    std::optional<ImportedMesh> imported;
+    if (files.carrier != mesh) {
+      imported = import_with_transfer(mesh, files, options);
+    } else if (may_carry_itself) {
+      NamedMesh named = import_carrier(files, options, may_carry_itself);
+      if (may_carry_itself) imported = std::move(named.imported);
+    }
+    if (!imported) continue;
+    report_unlabelled(files.names, *imported);
+    return imported;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 ImportedMesh import_annotated_mesh(const fs::path& mesh, const MeshImportOptions& options, const std::optional<fs::path>& annotations) {
@@ -90,19 +112,13 @@ ImportedMesh import_annotated_mesh(const fs::path& mesh, const MeshImportOptions
     report_unlabelled(*annotations, imported);
     return imported;
   }
-  const std::optional<AnnotationFiles> files = find_annotations(mesh);
-  if (files && files->carrier != mesh) {
-    ImportedMesh imported = import_with_transfer(mesh, *files, options);
-    report_unlabelled(files->names, imported);
-    return imported;
-  }
-  bool is_used = false;
-  NamedMesh named = files ? import_carrier(*files, options, is_used) : import_named_mesh(mesh, options, nullptr);
-  if (is_used) {
-    report_unlabelled(files->names, named.imported);
-    return std::move(named.imported);
-  }
+  const std::vector<AnnotationFiles> present = present_annotations(mesh);
+  if (std::optional<ImportedMesh> imported = import_with_present(mesh, present, options)) return std::move(*imported);
+  NamedMesh named = import_named_mesh(mesh, options, nullptr);
   std::vector<std::string>& warnings = named.imported.report.warnings;
+  if (!present.empty())
+    warnings.push_back(fmt::format("{} beside the mesh is not read: its {}", present.front().names.string(),
+                                   is_ply(mesh) ? "faces carry no ids" : "surfaces carry no colors"));
   for (std::string& line : unread_annotations(mesh)) warnings.push_back(std::move(line));
   if (named.has_face_ids)
     warnings.emplace_back(

@@ -33,6 +33,7 @@ const Annotations& AnnotatedSurfaces::annotations() {
 
 std::vector<std::uint32_t> AnnotatedSurfaces::of_faces(std::span<const std::int64_t> ids) {
   const Annotations& known = annotations();
+  carries_ = true;
   std::vector<std::uint32_t> names;
   names.reserve(ids.size());
   for (const std::int64_t id : ids) names.push_back(id < 0 ? 0 : known.of_id(id));
@@ -41,7 +42,7 @@ std::vector<std::uint32_t> AnnotatedSurfaces::of_faces(std::span<const std::int6
 
 std::vector<std::uint32_t> AnnotatedSurfaces::of_primitive(const GltfPrimitive& primitive) {
   std::vector<std::uint32_t> names(primitive.corners.size() / 3, 0);
-  static_cast<void>(annotations());
+  if (!annotations().has_colors()) return names;
   name_by_vertex_colors(primitive, names);
   if (std::find(names.begin(), names.end(), 0u) != names.end()) name_by_texture(primitive, names);
   return names;
@@ -52,6 +53,7 @@ void AnnotatedSurfaces::name_by_vertex_colors(const GltfPrimitive& primitive, st
   for (const glm::vec3 color : read_gltf_colors(primitive.asset, primitive.json.at("attributes"), primitive.positions.size()))
     of_vertex.push_back(annotations_->of_color(color_of({byte_of(color.x), byte_of(color.y), byte_of(color.z)})));
   if (of_vertex.empty()) return;
+  carries_ = true;
   for (std::size_t t = 0; t < names.size(); ++t) {
     const std::array<std::uint32_t, 3> corners{primitive.corners[3 * t], primitive.corners[3 * t + 1], primitive.corners[3 * t + 2]};
     if (*std::max_element(corners.begin(), corners.end()) >= of_vertex.size()) continue;
@@ -65,6 +67,7 @@ void AnnotatedSurfaces::name_by_texture(const GltfPrimitive& primitive, std::vec
   const std::vector<glm::vec2> uvs = read_gltf_uvs(primitive.asset, primitive.json.at("attributes"), look, primitive.positions.size());
   const Texture* texture = uvs.empty() ? nullptr : texture_of(primitive.asset, look);
   if (texture == nullptr) return;
+  carries_ = true;
   // The middle, and a point towards each corner.
   constexpr std::array<glm::vec3, 4> points{glm::vec3(1 / 3.f), {0.6f, 0.2f, 0.2f}, {0.2f, 0.6f, 0.2f}, {0.2f, 0.2f, 0.6f}};
   for (std::size_t t = 0; t < names.size(); ++t) {

@@ -22,7 +22,8 @@ class AnnotatedSurfaces : public SurfaceNames {
   [[nodiscard]] std::vector<std::uint32_t> of_faces(std::span<const std::int64_t> ids) override;
   /// By the colour of its vertices (two of three decide), else by that of its texture, at four points of the triangle.
   [[nodiscard]] std::vector<std::uint32_t> of_primitive(const GltfPrimitive& primitive) override;
-  [[nodiscard]] bool is_used() const { return annotations_.has_value(); }
+  /// Whether a surface carried what the annotations name: numbers of faces, or colours where the annotations have colours.
+  [[nodiscard]] bool is_used() const { return carries_; }
 
  private:
   const Annotations& annotations();
@@ -33,6 +34,7 @@ class AnnotatedSurfaces : public SurfaceNames {
 
   AnnotationFiles files_;
   std::optional<Annotations> annotations_;
+  bool carries_ = false;
   std::optional<std::size_t> image_;  ///< that texture_ holds: one at a time, of up to 200 MB
   std::optional<Texture> texture_;
 };

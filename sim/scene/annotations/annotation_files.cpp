@@ -52,10 +52,10 @@ std::vector<AnnotationFiles> possible_annotations(const fs::path& mesh) {
   return pairs;
 }
 
-std::optional<AnnotationFiles> find_annotations(const fs::path& mesh) {
-  for (const AnnotationFiles& files : possible_annotations(mesh))
-    if (is_file(files.names) && is_file(files.carrier)) return files;
-  return std::nullopt;
+std::vector<AnnotationFiles> present_annotations(const fs::path& mesh) {
+  std::vector<AnnotationFiles> pairs = possible_annotations(mesh);
+  std::erase_if(pairs, [](const AnnotationFiles& files) { return !is_file(files.names) || !is_file(files.carrier); });
+  return pairs;
 }
 
 fs::path carrier_beside(const fs::path& names) {

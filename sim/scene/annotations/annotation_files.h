@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,8 +20,8 @@ struct AnnotationFiles {
 /// with the PLY beside it, or with the mesh.ply a folder above.  Empty for other formats.
 std::vector<AnnotationFiles> possible_annotations(const std::filesystem::path& mesh);
 
-/// The first pair of which both files exist; nullopt without one.
-std::optional<AnnotationFiles> find_annotations(const std::filesystem::path& mesh);
+/// The possible pairs of which both files exist.
+std::vector<AnnotationFiles> present_annotations(const std::filesystem::path& mesh);
 
 /// The mesh beside a file of annotations whose surfaces carry its numbers or colours, by the names that data sets ship.
 std::filesystem::path carrier_beside(const std::filesystem::path& names);

@@ -34,6 +34,8 @@ class Annotations {
   /// Index into names(); 0 where there is none.
   [[nodiscard]] std::uint32_t of_id(std::int64_t id) const;
   [[nodiscard]] std::uint32_t of_color(std::uint32_t color) const;
+  /// Whether an instance has a colour: those of HM3D do.
+  [[nodiscard]] bool has_colors() const { return !of_color_.empty(); }
   [[nodiscard]] const std::string& where() const { return where_; }
 
  private:

@@ -29,9 +29,10 @@ std::optional<int> column_of(const PlyProperty& property, bool with_looks) {
   return std::nullopt;
 }
 
-/// The number of the instance that a face belongs to: of Replica and Habitat, or of Matterport3D's own meshes.
+/// The number of the instance that a face belongs to: of Replica and Habitat, or of Matterport3D's own meshes.  A fraction is none.
 bool is_face_id(const PlyProperty& property) {
-  return !property.count_type && (property.name == "object_id" || property.name == "face_segment");
+  const bool is_whole = property.type != PlyType::float32 && property.type != PlyType::float64;
+  return !property.count_type && is_whole && (property.name == "object_id" || property.name == "face_segment");
 }
 
 double largest_color(PlyType type) { return type == PlyType::uint8 ? 255 : type == PlyType::uint16 ? 65535 : 1; }

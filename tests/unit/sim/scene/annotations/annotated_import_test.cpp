@@ -9,6 +9,7 @@
 #include <map>
 #include <string>
 
+#include "sim/base/errors.h"
 #include "sim/scene/appearance.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_image.h"
@@ -110,6 +111,67 @@ TEST(AnnotatedImport, TheOtherMeshOfThePlaceLendsItsNames) {
     EXPECT_LT(room.unlabelled_percent(), 50);
     EXPECT_THAT(far_scene.import_report().warnings.at(0), HasSubstr("has no category in a.semantic.txt"));
     EXPECT_GT(areas_of(far_scene).at("unlabelled"), 0.9 * (areas_of(load_scene(folder / "a.semantic.glb")).at("floor")));
+  }
+}
+
+GltfWriter with_material(GltfWriter file) {
+  file.json["materials"] = {{{"name", "own"}}};
+  file.json["meshes"][0]["primitives"][0]["material"] = 0;
+  return file;
+}
+
+// Annotations name nothing of a mesh that carries no numbers and no colours of theirs: a line says so, and its own names stay.
+TEST(AnnotatedImport, AMeshThatCarriesNothingKeepsItsOwnNames) {
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const TempFolder folder;
+    const AnnotatedRoom room(470 + i, i);
+    const std::string bare = with_material(room.bare_gltf()).glb(), colored = with_material(room.colored_gltf()).glb();
+    folder.write("a.semantic.txt", room.semantic_text());
+    const Scene scene = load_scene(folder.write("a.semantic.glb", bare));
+    EXPECT_EQ(scene.mesh().material_names, std::vector<std::string>{"own"});
+    EXPECT_THAT(scene.import_report().warnings,
+                testing::ElementsAre(HasSubstr("a.semantic.txt beside the mesh is not read: its surfaces")));
+    // Matterport3D's numbers stand beside it: of two kinds of annotations the one that fits is taken.
+    folder.write("a_semantic.ply", room.ply());
+    folder.write("a.house", room.house());
+    expect_areas_of(load_scene(folder / "a.semantic.glb"), room);
+
+    folder.write("n/b.house", room.house());
+    folder.write("n/c.json", room.replica_info());
+    folder.write("n/d.semantic.txt", room.semantic_text());
+    folder.write("m.glb", bare);
+    folder.write("m.semantic.glb", colored);
+    folder.write("m.ply", room.plain_ply());
+    for (const auto& [mesh, names] : {std::pair("m.glb", "b.house"),
+                                      {"m.glb", "c.json"},
+                                      {"m.glb", "d.semantic.txt"},
+                                      {"m.semantic.glb", "b.house"},
+                                      {"m.ply", "b.house"},
+                                      {"m.ply", "c.json"}}) {
+      const std::string yaml = folder.write("scene.yaml", fmt::format("mesh: {}\nannotations: n/{}\n", mesh, names));
+      EXPECT_THAT(message_of<InputError>([&] { load_scene(yaml); }), HasSubstr("carries no numbers for ")) << mesh << ' ' << names;
+    }
+    expect_areas_of(load_scene(folder.write("scene.yaml", "mesh: m.semantic.glb\nannotations: n/d.semantic.txt\n")), room);
+  }
+}
+
+TEST(AnnotatedImport, APlyWithoutIdsTakesTheNextAnnotations) {
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    const TempFolder folder;
+    const AnnotatedRoom room(480 + i, i);
+    // Ids are whole numbers: a property of fractions is skipped like any other.
+    const std::string mesh = folder.write("mesh.ply", i % 2 == 0 ? room.plain_ply() : room.ply("object_id", "float"));
+    const std::uint64_t bare = load_scene(mesh).hash();
+    folder.write("info_semantic.json", room.replica_info());
+    if (i >= 2) folder.write("mesh.house", room.house());
+    const Scene scene = load_scene(mesh);
+    EXPECT_EQ(scene.hash(), bare);
+    EXPECT_THAT(scene.import_report().warnings,
+                testing::ElementsAre(HasSubstr(fmt::format("{} beside the mesh is not read: its faces carry no ids",
+                                                           folder / (i >= 2 ? "mesh.house" : "info_semantic.json")))));
+    folder.write("habitat/info_semantic.json", room.replica_info());
+    folder.write("habitat/mesh_semantic.ply", room.ply());
+    expect_areas_of(load_scene(mesh), room);
   }
 }
 
