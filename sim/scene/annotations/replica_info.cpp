@@ -9,10 +9,14 @@
 #include "sim/base/errors.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/json_depth.h"
+#include "sim/base/text/json_size.h"
 #include "sim/scene/readers/mesh_builder.h"
 
 namespace earshot {
 namespace {
+
+/// Of the whole file: an honest one has some thousand instances, of some tens of numbers each.
+constexpr JsonLimits kReplicaLimits{.values = 4'000'000, .texts = 1'000'000, .lists = 500'000};
 
 class ReplicaInfo {
  public:
@@ -76,6 +80,7 @@ class ReplicaInfo {
 
 Annotations parse_replica_info(std::string_view text, const std::string& where) {
   check_json_depth(text, where);
+  check_json_size(text, where, kReplicaLimits);
   nlohmann::json json;
   try {
     json = parse_json(text);

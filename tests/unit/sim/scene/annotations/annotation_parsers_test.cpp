@@ -104,6 +104,9 @@ TEST(AnnotationParsers, RefusalsNameThePlace) {
   EXPECT_THAT(info(R"({"objects": [{"id": 1.5, "class_name": "wall"}]})"), HasSubstr("objects[0].id is not a whole number"));
   EXPECT_THAT(info(R"({"objects": [{"id": 1, "class_id": 2}]})"), HasSubstr("the class 2 does not exist"));
   EXPECT_THAT(info(R"({"objects": [{"id": 1, "class_name": "a"}, {"id": 1, "class_name": "b"}]})"), HasSubstr("two entries with the id 1"));
+  std::string many = R"({"objects": [)";
+  for (int i = 0; i < 600'000; ++i) many += "[],";
+  EXPECT_THAT(info(many + "[]]}"), HasSubstr("i.json: holds more than 500000 lists and maps"));
   const auto text = [](const std::string& lines) {
     return message_of<InputError>([&] { parse_semantic_text("HM3D Semantic Annotations\n" + lines, "a.semantic.txt"); });
   };
