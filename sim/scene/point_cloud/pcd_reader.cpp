@@ -16,6 +16,9 @@
 namespace earshot {
 namespace {
 
+/// Times kMaxPoints, far below what 64 bits hold.
+constexpr std::size_t kMaxRecordBytes = std::size_t{1} << 20;
+
 struct PcdField {
   std::string name;
   std::size_t size = 0, count = 1;  ///< bytes of a number, numbers of a point
@@ -122,6 +125,7 @@ class PcdParser {
         axis_of_[axis] = static_cast<std::size_t>(&field - fields_.data());
       }
       record_bytes_ += field.size * field.count;
+      if (record_bytes_ > kMaxRecordBytes) fail(fmt::format("has more than {} bytes per point", kMaxRecordBytes));
       record_numbers_ += field.count;
     }
     if (!(has[0] && has[1] && has[2])) fail("has no fields x, y and z");

@@ -27,12 +27,13 @@ void split_at(std::string_view line, std::string_view separators, std::vector<st
   }
 }
 
-/// A comma stands between columns where blanks and semicolons give fewer than three, and at the end of a word; within one it is a decimal
-/// comma.
+/// A comma stands between columns where blanks give fewer than three, and at the end of a word; within one, and in a line with semicolons,
+/// it is a decimal comma.
 void split_columns(std::string_view line, std::vector<std::string_view>& words) {
   split_at(line, " \t\v\f;", words);
+  if (line.find(';') != std::string_view::npos) return;
   const bool has_commas = std::ranges::any_of(words, [](std::string_view word) { return word.ends_with(','); });
-  if (has_commas || (words.size() < 3 && line.find(',') != std::string_view::npos)) split_at(line, " \t\v\f;,", words);
+  if (has_commas || (words.size() < 3 && line.find(',') != std::string_view::npos)) split_at(line, " \t\v\f,", words);
 }
 
 class XyzParser {

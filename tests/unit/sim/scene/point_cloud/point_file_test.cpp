@@ -172,6 +172,36 @@ TEST(PointFiles, WhatIsNotReadIsNamed) {
   EXPECT_THAT(refused("nan.xyz", "nan nan nan\n"), HasSubstr("no points"));
 }
 
+// The bytes of all points do not fit into 64 bits: 2^38 a point, by 2^26 points.
+TEST(PointFiles, APcdOfEndlessPointsIsRefused) {
+  const TempFolder folder;
+  constexpr std::size_t most = std::size_t{1} << 20, fields = 32768;
+  std::string names = "FIELDS x y z", sizes = "SIZE 4 4 4", types = "TYPE F F F", counts = "COUNT 1 1 1";
+  for (std::size_t i = 0; i <= fields; ++i) {
+    names += " a";
+    types += " U";
+    sizes += i < 2 ? " 4" : " 8";
+    counts += fmt::format(" {}", i == 0 ? most - 3 : most);
+  }
+  for (const std::string data : {"binary_compressed", "binary", "ascii"}) {
+    const std::string bytes = fmt::format("{}\n{}\n{}\n{}\nWIDTH {}\nHEIGHT 1\nDATA {}\n", names, sizes, types, counts, kMaxPoints, data);
+    EXPECT_THAT(refusal_of(folder.write("endless.pcd", bytes + std::string(8, '\0'))), HasSubstr("more than 1048576 bytes per point"));
+  }
+}
+
+// Between semicolons a comma is decimal: two numbers are no point, whatever digits they have.
+TEST(PointFiles, ALineWithSemicolonsIsNotCutAtCommas) {
+  const TempFolder folder;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const RandomStream random(43, Purpose::test, i);
+    const auto number = [&](std::uint32_t at) { return fmt::format("{},{}", random.below(90, 2 * at), 1 + random.below(9, 2 * at + 1)); };
+    const std::string two = number(0) + (i % 2 == 0 ? ";" : "; ") + number(1), three = two + ";" + number(2);
+    EXPECT_THAT(refusal_of(folder.write("a.xyz", three + "\n" + two + "\n")), HasSubstr("line 2 has 2 columns"));
+    EXPECT_THAT(refusal_of(folder.write("a.xyz", two + ";\n")), HasSubstr("line 1 has 2 columns"));
+    EXPECT_EQ(read_point_file(folder.write("a.xyz", three + "\n")).positions.size(), 1u);
+  }
+}
+
 // A file that declares its length is refused wherever it is cut; others are cut by whole lines.
 TEST(PointFiles, ACutFileIsRefused) {
   const TempFolder folder;
