@@ -67,7 +67,7 @@ std::vector<VoxelPoints> count_points(std::span<const glm::dvec3> positions, glm
 
 using VoxelIndex = std::unordered_map<std::uint64_t, std::uint32_t>;
 
-/// Hands the points of noise to the neighbour with most points; that one stays by its own count.
+/// Hands the points of noise to the neighbour with most points, and on where that one is noise itself.
 void merge_noise(std::vector<VoxelPoints>& voxels) {
   VoxelIndex index;
   index.reserve(voxels.size());
@@ -86,8 +86,11 @@ void merge_noise(std::vector<VoxelPoints>& voxels) {
     }
     target[i] = double{1} * voxels[i].count < kNoiseFraction * voxels[best].count ? best : i;
   }
-  for (std::uint32_t i = 0; i < voxels.size(); ++i)
-    if (target[i] != i && target[target[i]] == target[i]) add_points(voxels[target[i]], voxels[i]);
+  for (std::uint32_t i = 0; i < voxels.size(); ++i) {
+    std::uint32_t kept_in = i;
+    while (target[kept_in] != kept_in) kept_in = target[kept_in];  // counts grow: it ends
+    if (kept_in != i) add_points(voxels[kept_in], voxels[i]);
+  }
   std::size_t kept = 0;
   for (std::uint32_t i = 0; i < voxels.size(); ++i)
     if (target[i] == i) voxels[kept++] = voxels[i];

@@ -35,9 +35,9 @@ inline std::uint64_t voxel_key(glm::ivec3 cell) {
 }
 
 /// Sorts points into voxels of the edge `cell_m`.  A voxel with less than a fifth of the points of a neighbour is noise of that one's
-/// surface: its points are counted there.  Groups of fewer than ten voxels with nothing within two voxels of them are stray points: left
-/// out and counted.  margin: empty voxels around all.  Throws InputError for points over more than kMaxCells voxels and where all points
-/// are stray. O(n log n), 16 bytes a point; the same for any order of equal points.
+/// surface: its points are counted there, or in the one that that one's are counted in.  Groups of fewer than ten voxels with nothing
+/// within two voxels of them are stray points: left out and counted.  margin: empty voxels around all.  Throws InputError for points over
+/// more than kMaxCells voxels and where all points are stray. O(n log n), 16 bytes a point; the same for any order of equal points.
 PointVoxels sort_into_voxels(std::span<const glm::dvec3> positions, double cell_m, int margin, const std::string& where);
 
 /// Median distance of a point from its nearest neighbour at another place, over up to 2,048 points of the cloud; 0 if all are at one place.
