@@ -132,13 +132,24 @@ std::uint64_t grow_back(VoxelField& field, int radius, double cell_m) {
   return taken;
 }
 
+/// Whether a free voxel lies below along an axis.  None does of the first voxel of a free part, in the order of for_each, and of few
+/// others.
+bool has_free_below(const VoxelField& field, glm::ivec3 voxel) {
+  for (int axis = 0; axis < 3; ++axis) {
+    glm::ivec3 below = voxel;
+    --below[axis];
+    if (field.contains(below) && field.label(below) == VoxelLabel::free) return true;
+  }
+  return false;
+}
+
 /// Labels everything for one half width.  room_radius: in voxels.  Returns the voxels of air.
 std::uint64_t label_air(VoxelField& field, int radius, int room_radius, double cell_m) {
   field.reset_labels(radius);
   field.flood({0, 0, 0}, VoxelLabel::outside);
   std::vector<glm::ivec3> seeds;
   field.for_each([&](glm::ivec3 voxel, int, VoxelLabel label, int) {
-    if (label == VoxelLabel::free) seeds.push_back(voxel);
+    if (label == VoxelLabel::free && !has_free_below(field, voxel)) seeds.push_back(voxel);
   });
   std::uint64_t air = 0;
   for (const glm::ivec3 seed : seeds) {

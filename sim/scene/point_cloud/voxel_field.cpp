@@ -59,14 +59,20 @@ void VoxelField::reset_labels(int band) {
   }
 }
 
+void VoxelField::take(glm::ivec3 voxel, VoxelLabel from, VoxelLabel to, std::vector<glm::ivec3>& stack) {
+  if (!contains(voxel)) return;
+  const std::uint32_t block = block_of(voxel), dense = dense_of_[block];
+  VoxelLabel& held = dense == kUniform ? uniform_[block] : label_[dense][place_in_block(voxel)];
+  if (held != from) return;
+  held = to;
+  stack.push_back(voxel);
+}
+
 /// The face of a block next to `beyond`'s block: one voxel of a block that holds one label, all 64 of another.
-void VoxelField::push_face(glm::ivec3 beyond, int axis, VoxelLabel from, std::vector<glm::ivec3>& stack) const {
+void VoxelField::take_face(glm::ivec3 beyond, int axis, VoxelLabel from, VoxelLabel to, std::vector<glm::ivec3>& stack) {
   if (!contains(beyond)) return;
   const std::uint32_t block = block_of(beyond);
-  if (dense_of_[block] == kUniform) {
-    if (uniform_[block] == from) stack.push_back(beyond);
-    return;
-  }
+  if (dense_of_[block] == kUniform) return take(beyond, from, to, stack);
   const glm::ivec3 first = first_voxel(block);
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   for (int i = 0; i < kEdge; ++i) {
@@ -74,7 +80,7 @@ void VoxelField::push_face(glm::ivec3 beyond, int axis, VoxelLabel from, std::ve
       glm::ivec3 voxel = beyond;
       voxel[u] = first[u] + i;
       voxel[v] = first[v] + j;
-      if (label(voxel) == from) stack.push_back(voxel);
+      take(voxel, from, to, stack);
     }
   }
 }
@@ -83,34 +89,24 @@ VoxelField::Flooded VoxelField::flood(glm::ivec3 seed, VoxelLabel to) {
   const VoxelLabel from = label(seed);
   EARSHOT_EXPECT(from != to);
   Flooded flooded;
-  std::vector<glm::ivec3> stack{seed};
+  std::vector<glm::ivec3> stack;
+  take(seed, from, to, stack);
   while (!stack.empty()) {
     const glm::ivec3 voxel = stack.back();
     stack.pop_back();
-    if (label(voxel) != from) continue;
     const std::uint32_t block = block_of(voxel), dense = dense_of_[block];
-    if (dense == kUniform) {
-      uniform_[block] = to;
-      flooded.count += kVolume;
-      flooded.farthest = kFar;
-      const glm::ivec3 first = first_voxel(block);
-      for (int axis = 0; axis < 3; ++axis) {
-        for (const int step : {-1, kEdge}) {
-          glm::ivec3 beyond = first;
-          beyond[axis] += step;
-          push_face(beyond, axis, from, stack);
-        }
-      }
-      continue;
-    }
-    label_[dense][place_in_block(voxel)] = to;
-    ++flooded.count;
-    flooded.farthest = std::max(flooded.farthest, distance_[dense][place_in_block(voxel)]);
+    const bool is_uniform = dense == kUniform;
+    flooded.count += is_uniform ? std::uint64_t{kVolume} : 1;
+    flooded.farthest = std::max(flooded.farthest, is_uniform ? kFar : distance_[dense][place_in_block(voxel)]);
+    const glm::ivec3 first = is_uniform ? first_voxel(block) : voxel;
     for (int axis = 0; axis < 3; ++axis) {
-      for (const int step : {-1, 1}) {
-        glm::ivec3 next = voxel;
-        next[axis] += step;
-        if (contains(next) && label(next) == from) stack.push_back(next);
+      for (const int step : {-1, is_uniform ? kEdge : 1}) {
+        glm::ivec3 beyond = first;
+        beyond[axis] += step;
+        if (is_uniform)
+          take_face(beyond, axis, from, to, stack);
+        else
+          take(beyond, from, to, stack);
       }
     }
   }

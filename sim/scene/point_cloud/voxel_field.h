@@ -55,7 +55,7 @@ class VoxelField {
     std::uint64_t count = 0;    ///< voxels
     std::uint8_t farthest = 0;  ///< largest distance
   };
-  /// Relabels the voxels labelled as `seed` that faces join to it.
+  /// Relabels the voxels labelled as `seed` that faces join to it.  Memory: up to 12 bytes for each of these near a surface.
   Flooded flood(glm::ivec3 seed, VoxelLabel to);
 
   /// Calls visit(voxel, distance, label, count) for every voxel near a surface, and once per block elsewhere, with its first voxel and the
@@ -85,7 +85,9 @@ class VoxelField {
     return static_cast<std::size_t>((voxel.z & 7) << 6 | (voxel.y & 7) << 3 | (voxel.x & 7));
   }
   [[nodiscard]] glm::ivec3 first_voxel(std::uint32_t block) const;
-  void push_face(glm::ivec3 beyond, int axis, VoxelLabel from, std::vector<glm::ivec3>& stack) const;
+  /// Relabels a voxel, or its block of one label, if it has the label `from`, and puts it on the stack.
+  void take(glm::ivec3 voxel, VoxelLabel from, VoxelLabel to, std::vector<glm::ivec3>& stack);
+  void take_face(glm::ivec3 beyond, int axis, VoxelLabel from, VoxelLabel to, std::vector<glm::ivec3>& stack);
 
   glm::ivec3 size_, blocks_;
   double cell_m_;
