@@ -14,7 +14,9 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/base/errors.h"
+#include "sim/scene/generators/shoebox.h"
 #include "sim/scene/scene_report.h"
+#include "tests/support/files/cloud_files.h"
 #include "tests/support/files/mesh_cases.h"
 
 namespace earshot {
@@ -230,6 +232,7 @@ TEST(H72_ForeignText, DecimalCommaOfTheLocaleChangesNothing) {
                                        folder.write("a.stl", stl_text(mesh)),
                                        folder.write("far.obj", obj_text(box({5.25, 3.125, 4.5}, {123456.5, 0, 0}))),
                                        folder.write("a.gltf", gltf_file(mesh, {1.5, 2.25, -3.75}))};
+  const std::string cloud = folder.write("a.xyz", xyz_points(sample_surface(make_shoebox({3, 2.5, 4}), 30'000, 0.002, 1)));
   const std::string database =
       R"({"materials": [{"name": "default", "absorption": [125.5, 0.25, 2000.5, 0.75], "scattering": [125, 0.5]}]})";
   const auto hashes = [&] {
@@ -239,6 +242,7 @@ TEST(H72_ForeignText, DecimalCommaOfTheLocaleChangesNothing) {
       all.push_back(hash_of(imported));
       all.push_back(std::bit_cast<std::uint64_t>(imported.origin_m.x));
     }
+    all.push_back(load_scene(cloud).hash());  // in cells of a default size
     for (const std::string spec : {"shoebox:5.5x3.25x1234.5@0.125", "house:2,area_m2=62.5"}) all.push_back(load_scene(spec).hash());
     const MaterialDatabase materials = MaterialDatabase::from_json(database, "db");
     for (const float hz : materials.all()[0].absorption.hz) all.push_back(std::bit_cast<std::uint32_t>(hz));

@@ -19,6 +19,7 @@
 #include "sim/scene/point_cloud/cloud_surface.h"
 #include "sim/scene/point_cloud/point_voxels.h"
 #include "sim/scene/readers/mesh_builder.h"
+#include "sim/scene/readers/text_scanner.h"
 
 namespace earshot {
 namespace {
@@ -50,7 +51,7 @@ void choose_cell(std::span<const glm::dvec3> positions, const MeshImportOptions&
   cloud.spacing_m = median_spacing_m(positions);
   // Two digits: the number can be given back.
   const double wish_m = std::clamp(kCellPerSpacing * cloud.spacing_m, kSmallestDefault, kMaxCellM);
-  cloud.cell_m = std::stod(fmt::format("{:.2g}", wish_m));
+  cloud.cell_m = parse_decimal(fmt::format("{:.2g}", wish_m)).value();
   report.warnings.push_back(fmt::format(
       "no cell is given for the point cloud: {:g} m is used, from a median spacing of {:.2g} m (--cell, or cell_m in a scene YAML)",
       cloud.cell_m, cloud.spacing_m));
