@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import wave
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+
+import earshot
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs/notebooks"
 OVERRIDES = [  # of a training of seconds
@@ -37,16 +41,33 @@ def read(name: str) -> dict[str, Any]:
     return book
 
 
+def stands_between(walls: earshot.acoustics.Floats, source: earshot.acoustics.Floats, listener: earshot.acoustics.Floats) -> bool:
+    """Whether a wall [n, 2, 3] cuts the straight line between two places on the plan."""
+
+    def side(start: Any, end: Any, place: Any) -> Any:
+        along, off = end - start, place - start
+        return along[..., 0] * off[..., 2] - along[..., 2] * off[..., 0]
+
+    start, end = walls[:, 0], walls[:, 1]
+    apart = side(start, end, source) * side(start, end, listener) < 0
+    return bool((apart & (side(source, listener, start) * side(source, listener, end) < 0)).any())
+
+
 def check_files(name: str, folder: Path) -> None:
     """What the notebook leaves."""
     if name == "corpus_in_ten_minutes":
         rows = list(csv.DictReader((folder / "corpus/labels.csv").open()))
         assert len(rows) == 6
+        walls = earshot.Scene("house:0,rooms=3,area_m2=50", preset="fast").section(1.5)
         for row in rows:
             with wave.open(str(folder / "corpus" / row["file"])) as file:
                 assert (file.getnchannels(), file.getframerate(), file.getnframes()) == (2, 16000, 12800)
             assert float(row["factor"]) > 0
-            assert not float(row["drr_db"]) > 40  # NaN: no direct sound
+            source, listener = (np.array([float(row[start + axis]) for axis in "xyz"]) for start in ("source_", ""))
+            assert math.dist(source, listener) > 0.05
+            assert all(math.isfinite(float(row[key])) for key in ("heading_deg", "t20_1khz_s", "c50_1khz_db"))
+            assert math.isnan(float(row["drr_db"])) == stands_between(walls, source, listener)
+            assert not float(row["drr_db"]) > 40
     if name == "train_and_watch":
         assert (folder / "run/best.html").stat().st_size > 10_000
         assert (folder / "run/events.jsonl").read_text().count("\n") == 6
