@@ -3,7 +3,7 @@
 """make_config_classes.py [--check] PROGRAM: writes the dataclasses of python/earshot/config from the keys that `PROGRAM config --json` prints.
 
 --check: writes nothing; status 1 if a file differs.  Sections with equal keys are one class, a choice is a Literal, and a key whose default depends on
-other keys is None.
+other keys or on files is None.  A section whose presence switches something on is None, and an instance of it switches that on.
 """
 
 from __future__ import annotations
@@ -39,6 +39,14 @@ MODULES = {
 NAMES = {"data.train": "TrainingEpisodes", "data.eval": "Episodes", "data.held_out": "Episodes", "cameras": "MountedCamera"}
 #: Keys that follow another key, the run or the caller where they are left out.
 DEPENDENT = {"out", "env.seed", "policy.seed", "env.autoreset", "autoreset", "env.threads", "threads"}
+#: Keys that follow a file where they are left out, with what their description does not say of that.
+OF_FILES = {
+    "up": " Absent: y, or z for a LAS file.",
+    "unit_m": " Absent: 1, with a warning where the sizes tell otherwise.",
+    "coefficients": "",
+}
+#: Sections that the engine reads as switches: {} is on.
+OPTIONAL = {"randomize", "panorama"}
 TYPES = {
     "number": "float",
     "whole number": "int",
@@ -91,11 +99,13 @@ class Module:
         name, path = key["name"], key["key"]
         named = [one for one in below if one["name"].startswith(f"{name}.") and one["name"].split(".")[1].isupper()]
         if named and named[0]["type"] != "section":
-            return field(name, f"dict[str, {TYPES[named[0]['type']]}]", "dataclasses.field(default_factory=dict)", key["about"])
+            return field(name, f"dict[str, {self.loose(TYPES[named[0]['type']])}]", "dataclasses.field(default_factory=dict)", key["about"])
         if named:
             one = self.class_of(f"{path}.{named[0]['name'].split('.')[1]}", named[0]["about"], named, NAMES[name])
             return field(name, f"dict[str, {one}]", "dataclasses.field(default_factory=dict)", key["about"])
         one = self.class_of(path, key["about"], below, NAMES.get(path, class_name(name)))
+        if path in OPTIONAL:
+            return field(name, f"{one} | None", "None", key["about"])
         return field(name, one, f"dataclasses.field(default_factory={one})", key["about"])
 
     def value(self, key: dict[str, Any], follows_preset: bool) -> str:
@@ -108,16 +118,26 @@ class Module:
             about += f" Without a preset: {default}."
         if key["required"]:
             return field(name, annotation, "", about)
-        if default is None or key["key"] in DEPENDENT or "Without a preset" in about:
+        about += OF_FILES.get(key["key"], "")
+        if default is None or key["key"] in DEPENDENT | OF_FILES.keys() or "Without a preset" in about:
             return field(name, f"{annotation} | None", "None", about)
         if kind.startswith("list"):
-            value = ast.literal_eval(default) if "numbers" in kind else [part for part in default.strip("[]").split(", ") if part]
+            value: list[Any] = ast.literal_eval(default) if "numbers" in kind else [part for part in default.strip("[]").split(", ") if part]
+            value = [float(one) for one in value] if kind == "list of numbers" else value  # as OmegaConf makes them
             return field(name, annotation, f"dataclasses.field(default_factory=lambda: {json.dumps(value)})" if value else LIST, about)
         return field(name, annotation, literal(kind, default), about)
 
     def choice(self, choices: list[str]) -> str:
         name = "".join(class_name(choice) for choice in choices)
         self.choices[name] = f"Literal[{', '.join(json.dumps(choice) for choice in choices)}]"
+        return name
+
+    def loose(self, annotation: str) -> str:
+        """A type of the values of a dict, where OmegaConf has no unions of lists."""
+        if "|" not in annotation:
+            return annotation
+        name = "TextOrList"
+        self.choices[name] = annotation
         return name
 
     def text(self, modules: dict[str, str]) -> str:
@@ -127,12 +147,15 @@ class Module:
         used = {name: values for name, values in self.choices.items() if re.search(rf"\b{name}\b", said)}
         for name in sorted(name for name in self.imported if re.search(rf"\b{name}\b", said)):
             sources.setdefault(modules[self.classes[name][0]], []).append(name)
-        imports = "import dataclasses\n" + ("from typing import TYPE_CHECKING, Literal\n" if used else "")
+        typing = ["TYPE_CHECKING", *(["Any"] if "TextOrList" in used else []), "Literal"]
+        imports = "import dataclasses\n" + (f"from typing import {', '.join(typing)}\n" if used else "")
         local = "".join(f"from .{module} import {', '.join(names)}\n" for module, names in sorted(sources.items()))
         choices = ""
         if used:
             choices = "if TYPE_CHECKING:\n" + "".join(f"    {name} = {values}\n" for name, values in sorted(used.items()))
-            choices += "else:  # OmegaConf 2.3 knows no Literal\n" + "".join(f"    {name} = str\n" for name in sorted(used)) + "\n"
+            runtime = {name: "str" if value.startswith("Literal") else "Any" for name, value in used.items()}
+            choices += "else:  # OmegaConf 2.3 knows no Literal and no unions of lists\n"
+            choices += "".join(f"    {name} = {runtime[name]}\n" for name in sorted(used)) + "\n"
         classes = [
             f"@dataclasses.dataclass(kw_only=True, slots=True)\nclass {name}(Section):\n{body}" for name, body in self.bodies.items()
         ]

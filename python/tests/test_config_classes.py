@@ -219,6 +219,37 @@ def test_settings_of_a_scene() -> None:
     assert bands(conf.structured(classes.Acoustics(bands=3, rir_length_s=0.25))) == expected
 
 
+SWITCHES: list[tuple[Any, str, Any]] = [  # config, key, an instance that has its defaults
+    (classes.ResponseCorpusConfig, "randomize", classes.Randomize),
+    (classes.ResponseCorpusConfig, "panorama", classes.Panorama),
+    (classes.RecordingCorpusConfig, "randomize", classes.Randomize),
+    (classes.SceneConfig, "randomize", classes.SceneRandomize),
+]
+
+
+@pytest.mark.parametrize(("kind", "key", "section"), SWITCHES)
+def test_a_section_that_switches_something_on_is_written_where_it_is_given(kind: Any, key: str, section: Any) -> None:
+    needed: dict[str, Any] = {"mesh": ROOM} if kind is classes.SceneConfig else {}
+    head = classes.to_yaml(kind(**needed))
+    assert key not in head
+    on = kind(**needed, **{key: section()})
+    assert f"{key}: {{}}\n" in classes.to_yaml(on)
+    first = dataclasses.fields(section)[0].name
+    assert f"{key}:\n  {first}: 77\n" in classes.to_yaml(kind(**needed, **{key: section(**{first: 77})}))
+    conf = pytest.importorskip("omegaconf", reason="no omegaconf").OmegaConf
+    assert classes.to_yaml(conf.structured(on)) == classes.to_yaml(on)
+    assert classes.to_yaml(conf.merge(conf.structured(kind(**needed)), {key: {}})) == classes.to_yaml(on)
+    assert classes.to_yaml(conf.structured(kind(**needed))) == head
+
+
+@pytest.mark.parametrize("values", [{"up": "y"}, {"unit_m": 1.0}, {"coefficients": "energy"}])
+def test_what_a_file_decides_is_written_wherever_it_is_given(values: dict[str, Any]) -> None:
+    ((key, value),) = values.items()
+    assert key not in classes.to_yaml(classes.SceneConfig(mesh=ROOM))
+    shown = f'"{value}"' if isinstance(value, str) else value
+    assert f"{key}: {shown}\n" in classes.to_yaml(classes.SceneConfig(mesh=ROOM, **values))
+
+
 def test_the_program_reads_what_to_yaml_writes(tmp_path: Path) -> None:
     program = os.environ.get("EARSHOT_PROGRAM")
     if program is None:

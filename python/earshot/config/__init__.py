@@ -14,8 +14,9 @@ episodes:
   scenes: ["house:1"]
   sounds: ["synth:telephone"]
 
-A config has the keys whose values differ from the defaults.  A key that is None follows other keys: in ``acoustics`` the preset.  The
-classes are structured configs of OmegaConf and Hydra.
+A config has the keys whose values differ from the defaults.  A key that is None follows other keys, in ``acoustics`` the preset, or a
+file.  ``randomize`` and ``panorama`` are off where they are None; an instance, as ``Randomize()``, switches them on.  The classes are
+structured configs of OmegaConf and Hydra.
 """
 
 from ._yaml import to_yaml

@@ -10,7 +10,7 @@ from .._section import Section
 
 if TYPE_CHECKING:
     AutoOffOn = Literal["auto", "off", "on"]
-else:  # OmegaConf 2.3 knows no Literal
+else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     AutoOffOn = str
 
 

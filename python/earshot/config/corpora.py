@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from .._section import Section
 from .acoustics import CorpusAcoustics
 
 if TYPE_CHECKING:
     FlacWav = Literal["flac", "wav"]
-else:  # OmegaConf 2.3 knows no Literal
+    TextOrList = str | list[str]
+else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     FlacWav = str
+    TextOrList = Any
 
 
 @dataclasses.dataclass(kw_only=True, slots=True)
@@ -22,9 +24,9 @@ class Shoeboxes(Section):
     #: Number of rooms. Range: 0 to 10,000,000.
     count: int = 0
     #: Smallest size along x, y (height) and z. Range: 3 numbers, 1 to 1,000.
-    min_size_m: list[float] = dataclasses.field(default_factory=lambda: [3, 2.4, 3])
+    min_size_m: list[float] = dataclasses.field(default_factory=lambda: [3.0, 2.4, 3.0])
     #: Largest size along x, y (height) and z. Range: 3 numbers, 1 to 1,000.
-    max_size_m: list[float] = dataclasses.field(default_factory=lambda: [10, 4, 8])
+    max_size_m: list[float] = dataclasses.field(default_factory=lambda: [10.0, 4.0, 8.0])
     #: Absorption coefficients, one for each wall; uniform in the logarithm. Range: least and largest, 0.001 to 1.
     absorption: list[float] = dataclasses.field(default_factory=lambda: [0.05, 0.5])
     #: Materials of the walls, one drawn for each. Empty: absorption decides. Range: the name of a material.
@@ -72,7 +74,7 @@ class ResponseCorpusConfig(Section):
     #: Number of times that each scene comes; with randomize each time with other materials. Range: 1 to 1,000,000.
     rooms_per_scene: int = 1
     #: Random materials in every room; {} takes the defaults.
-    randomize: Randomize = dataclasses.field(default_factory=Randomize)
+    randomize: Randomize | None = None
     #: Sources in each room. Range: 1 to 65,000.
     sources_per_room: int = 4
     #: Listeners of each source. Range: 1 to 65,000.
@@ -92,9 +94,9 @@ class ResponseCorpusConfig(Section):
     #: Directional patterns, one drawn for each source, which faces anywhere. Range: a directional pattern.
     source_patterns: list[str] = dataclasses.field(default_factory=lambda: ["omni"])
     #: Pitch of listeners; headings are anywhere. Range: least and largest, -90 to 90.
-    pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
+    pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
-    roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
+    roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
     #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
@@ -109,7 +111,7 @@ class ResponseCorpusConfig(Section):
     #: Time after the direct sound at which a response is split into an early and a late file. 0: no split. Range: at least 0.
     split_ms: float = 0.0
     #: Panoramas of colour, depth and category from the places of the listeners.
-    panorama: Panorama = dataclasses.field(default_factory=Panorama)
+    panorama: Panorama | None = None
     #: Rooms in each folder of the corpus. Range: 1 to 10,000.
     rooms_per_folder: int = 10
     #: Simulation of responses: a preset, and keys over it.
@@ -131,7 +133,7 @@ class RecordingCorpusConfig(Section):
     #: Number of times that each scene comes; with randomize each time with other materials. Range: 1 to 1,000,000.
     rooms_per_scene: int = 1
     #: Random materials in every room; {} takes the defaults.
-    randomize: Randomize = dataclasses.field(default_factory=Randomize)
+    randomize: Randomize | None = None
     #: Height of sources above the floor. Range: least and largest, 0.05 to 100.
     source_height_m: list[float] = dataclasses.field(default_factory=lambda: [1.1, 1.8])
     #: Height of listeners above the floor. Range: least and largest, 0.05 to 100.
@@ -145,9 +147,9 @@ class RecordingCorpusConfig(Section):
     #: Directional patterns, one drawn for each source, which faces anywhere. Range: a directional pattern.
     source_patterns: list[str] = dataclasses.field(default_factory=lambda: ["omni"])
     #: Pitch of listeners; headings are anywhere. Range: least and largest, -90 to 90.
-    pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
+    pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
-    roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0, 0])
+    roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
     #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
@@ -164,11 +166,11 @@ class RecordingCorpusConfig(Section):
     #: Duration of a recording. Range: 0.2 to 600.
     duration_s: float = 10.0
     #: Classes of sounds by name; their order is their index.
-    classes: dict[str, str | list[str]] = dataclasses.field(default_factory=dict)
+    classes: dict[str, TextOrList] = dataclasses.field(default_factory=dict)
     #: Sound events of a recording, before max_overlap leaves some out. Range: least and largest, 1 to 100.
     events: list[int] = dataclasses.field(default_factory=lambda: [2, 6])
     #: Duration of an event, at most duration_s; a sound loops. Range: least and largest, 0.1 to 600.
-    event_s: list[float] = dataclasses.field(default_factory=lambda: [1, 4])
+    event_s: list[float] = dataclasses.field(default_factory=lambda: [1.0, 4.0])
     #: Largest number of events at the same time. Range: 1 to 100.
     max_overlap: int = 2
     #: Fraction of the events whose source moves. Range: 0 to 1.
@@ -176,10 +178,10 @@ class RecordingCorpusConfig(Section):
     #: Speed of moving sources. Range: least and largest, 0.01 to 10.
     speed_m_per_s: list[float] = dataclasses.field(default_factory=lambda: [0.3, 1.5])
     #: Level of an event's dry sound relative to the others. Range: least and largest, -60 to 60.
-    event_db: list[float] = dataclasses.field(default_factory=lambda: [-6, 6])
+    event_db: list[float] = dataclasses.field(default_factory=lambda: [-6.0, 6.0])
     #: Background noise, unrelated between channels. Empty: none. Range: synth, or a folder.
     noise: str = ""
     #: Level of all events over the noise. Range: least and largest, -60 to 120.
-    snr_db: list[float] = dataclasses.field(default_factory=lambda: [10, 30])
+    snr_db: list[float] = dataclasses.field(default_factory=lambda: [10.0, 30.0])
     #: Level of a recording. Range: least and largest, -100 to 0.
-    level_dbfs: list[float] = dataclasses.field(default_factory=lambda: [-35, -25])
+    level_dbfs: list[float] = dataclasses.field(default_factory=lambda: [-35.0, -25.0])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     EquirectangularPinhole = Literal["equirectangular", "pinhole"]
     NextStepOffSameStep = Literal["next_step", "off", "same_step"]
     OnceRandom = Literal["once", "random"]
-else:  # OmegaConf 2.3 knows no Literal
+else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     AllocentricEgocentric = str
     AutoEglEmbree = str
     ContinuousGrid = str

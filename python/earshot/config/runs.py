@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     NextStepOffSameStep = Literal["next_step", "off", "same_step"]
     OnceRandom = Literal["once", "random"]
     SampleTruncatedWorker = Literal["sample", "truncated", "worker"]
-else:  # OmegaConf 2.3 knows no Literal
+else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     ArgmaxSample = str
     ContinueStop = str
     MinutesSteps = str

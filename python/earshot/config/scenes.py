@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     EnergyPressure = Literal["energy", "pressure"]
     ExactLegacySubstring = Literal["exact", "legacy_substring"]
     YZ = Literal["y", "z"]
-else:  # OmegaConf 2.3 knows no Literal
+else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     EnergyPressure = str
     ExactLegacySubstring = str
     YZ = str
@@ -54,10 +54,10 @@ class SceneConfig(Section):
     schema_version: int = 1
     #: Geometry of the scene. Range: a mesh file, relative to this file, shoebox:..., house:... or floor:....
     mesh: str
-    #: Axis of the mesh file that points up.
-    up: YZ = "y"
-    #: Length of one unit of the mesh file. Range: 0.000001 to 1,000,000.
-    unit_m: float = 1.0
+    #: Axis of the mesh file that points up. Absent: y, or z for a LAS file.
+    up: YZ | None = None
+    #: Length of one unit of the mesh file. Range: 0.000001 to 1,000,000. Absent: 1, with a warning where the sizes tell otherwise.
+    unit_m: float | None = None
     #: Edge of the voxels of a point cloud. Absent: from the spacing of its points. Range: 0.001 to 10.
     cell_m: float | None = None
     #: Height of a lid over the bounding rectangle, called ceiling_lid. Absent: no lid.
@@ -70,7 +70,7 @@ class SceneConfig(Section):
     #: Material database (JSON). Absent: the built-in one. Range: a material database.
     materials: str | None = None
     #: Meaning of the numbers of materials; default: what that file says, else energy.
-    coefficients: EnergyPressure = "energy"
+    coefficients: EnergyPressure | None = None
     #: Materials by pattern over mesh-material and node names, an exact name first.
     assign: dict[str, str] = dataclasses.field(default_factory=dict)
     #: Material of what no pattern matches. Range: the name of a material.
@@ -81,7 +81,7 @@ class SceneConfig(Section):
     #: Match of the labels of a material database. exact: whole words. legacy_substring: as SoundSpaces.
     label_matching: ExactLegacySubstring = "exact"
     #: Random materials; {} takes the defaults. With candidates it implies semantics: indoor.
-    randomize: SceneRandomize = dataclasses.field(default_factory=SceneRandomize)
+    randomize: SceneRandomize | None = None
     #: State of the air: speed of sound and absorption.
     air: Air = dataclasses.field(default_factory=Air)
     #: Surfaces reflect from both sides; true is the only value.
