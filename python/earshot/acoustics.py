@@ -65,6 +65,22 @@ def _angles(count: int, where: str, **degrees: ArrayLike) -> Floats:
     return angles
 
 
+def _preset_and_settings(preset: str | None, settings: Any) -> tuple[str, tuple[str, ...]]:
+    """The preset of the argument or of the settings, and the settings without it."""
+    chosen = None if preset is None else check.one_of(preset, "Scene", "preset", PRESETS)
+    others = []
+    for text in check.settings(plain_settings(settings, "Scene"), "Scene"):
+        key, _, value = text.partition("=")
+        if key.strip() != "preset":
+            others.append(text)
+        elif named := value.strip().strip("\"'"):  # empty: none, as in a config
+            check.one_of(named, "Scene", "settings['preset']", PRESETS)
+            if chosen not in (None, named):
+                raise InputError(f"Scene: preset is {chosen!r} and settings['preset'] is {named!r}; give one of them")
+            chosen = named
+    return chosen or "balanced", tuple(others)
+
+
 class Source:
     """A source at a fixed position.  Its paths are computed once.  Calls with 300 or more listeners build a source field if cheaper.
 
@@ -185,9 +201,9 @@ class Scene:
     A source or a listener outside of a closed scene raises InputError.
 
     :param spec: A mesh file, a point cloud, ``shoebox:XxYxZ[@M]``, ``house:SEED[,key=value]``, ``floor:SEED`` or a scene YAML.
-    :param preset: "fast", "balanced" or "high".
-    :param settings: A dict, an ``earshot.config.Acoustics`` or texts "key=value" that replace keys of the preset, as
-        ``earshot rir --set``.
+    :param preset: "fast", "balanced" or "high"; the default is that of the settings, else "balanced".
+    :param settings: A dict, an ``earshot.config.Acoustics``, a section ``acoustics`` of OmegaConf or texts "key=value" that replace keys
+        of the preset, as ``earshot rir --set``.  The key ``preset`` chooses the preset where the argument does not.
     :param unit_m: Metres per unit of a mesh file; the default is that of the scene YAML, else 1.
     :param up: Upward axis of a mesh file, "y" or "z"; the default is that of the scene YAML, else "y".
     :param cell_m: Edge of the voxels of a point cloud in metres; the default is that of the scene YAML, else from its points.
@@ -203,7 +219,7 @@ class Scene:
         self,
         spec: str | os.PathLike[str],
         *,
-        preset: str = "balanced",
+        preset: str | None = None,
         settings: Mapping[str, Any] | Sequence[str] | Acoustics = (),
         rate_hz: float | None = None,
         seed: int | None = None,
@@ -214,8 +230,7 @@ class Scene:
     ) -> None:
         self._recipe = (
             check.path(spec, "Scene", "spec"),
-            check.one_of(preset, "Scene", "preset", PRESETS),
-            tuple(check.settings(plain_settings(settings, "Scene"), "Scene")),
+            *_preset_and_settings(preset, settings),
             None if rate_hz is None else check.number(rate_hz, "Scene", "rate_hz", 8000, 96000),
             None if seed is None else check.seed(seed, "Scene"),
             None if unit_m is None else check.number(unit_m, "Scene", "unit_m", 0, above=True),

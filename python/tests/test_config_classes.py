@@ -219,6 +219,32 @@ def test_settings_of_a_scene() -> None:
     assert bands(conf.structured(classes.Acoustics(bands=3, rir_length_s=0.25))) == expected
 
 
+def test_settings_of_a_scene_choose_its_preset() -> None:
+    def rays(settings: Any, preset: str | None = None) -> tuple[Any, ...]:
+        scene = earshot.Scene("shoebox:4x3x3", preset=preset, settings=settings)
+        copied = pickle.loads(pickle.dumps(scene))
+        assert copied._recipe == scene._recipe
+        rir = scene.source([1, 1, 1]).render([3, 1, 2], channels="mono")
+        return (*scene._recipe[1:3], rir.tobytes())
+
+    short = {"rir_length_s": 0.1}
+    expected = {preset: rays(short, preset) for preset in ("fast", "balanced")}
+    assert expected["fast"] != expected["balanced"]
+    assert rays(short) == rays({**short, "preset": ""}) == expected["balanced"]
+    assert rays(classes.Acoustics(rir_length_s=0.1), "fast") == expected["fast"]
+    fast = {**short, "preset": "fast"}
+    for settings in (fast, classes.Acoustics(preset="fast", rir_length_s=0.1), [f"{key}={value}" for key, value in fast.items()]):
+        assert rays(settings) == rays(settings, "fast") == expected["fast"]
+        with pytest.raises(earshot.InputError, match=r"^Scene: preset is 'high' and settings\['preset'\] is 'fast'; give one of them$"):
+            rays(settings, "high")
+    with pytest.raises(earshot.InputError, match=r"^Scene: settings\['preset'\] is 'best'; give one of fast, balanced, high$"):
+        rays({"preset": "best"})
+    conf = pytest.importorskip("omegaconf", reason="no omegaconf").OmegaConf
+    for run in (conf.structured(classes.RunConfig), conf.create({"env": {"acoustics": {}}})):
+        run = conf.merge(run, {"env": {"acoustics": fast}})
+        assert rays(run.env.acoustics) == expected["fast"]
+
+
 SWITCHES: list[tuple[Any, str, Any]] = [  # config, key, an instance that has its defaults
     (classes.ResponseCorpusConfig, "randomize", classes.Randomize),
     (classes.ResponseCorpusConfig, "panorama", classes.Panorama),
