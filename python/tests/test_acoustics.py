@@ -77,7 +77,7 @@ def test_channels(scene: earshot.Scene, channels: str, count: int) -> None:
 
 def test_cardioids_face_their_loudspeakers() -> None:
     room = earshot.Scene("shoebox:90x90x90@1", preset="fast", settings={"early": "off", "late": "off", "diffraction": "off"})
-    azimuths = {"stereo": [45, -45], "quad": [30, -30, 95, -95], "surround_5_1": [30, -30, 0, None, 110, -110]}
+    azimuths: dict[str, list[int | None]] = {"stereo": [45, -45], "quad": [30, -30, 95, -95], "surround_5_1": [30, -30, 0, None, 110, -110]}
     azimuths["surround_7_1"] = [30, -30, 0, None, 135, -135, 90, -90]
     for angle in np.random.default_rng(7).uniform(-180, 180, 5):  # of the source, to the left of the listener's front
         turn = np.deg2rad(angle)
