@@ -94,7 +94,13 @@ def _tensor(item: Any, name: str) -> NDArray[Any]:
     if not isinstance(item, dict) or not {"dtype", "shape", "data"} <= item.keys():
         raise ValueError(f"has weights '{name}' that are no tensor")
     kind, shape, data = item["dtype"], item["shape"], item["data"]
-    if kind not in _TYPES or not isinstance(shape, list) or len(shape) > _MAX_NUMPY_DIMENSIONS or not isinstance(data, memoryview):
+    if (
+        not isinstance(kind, str)
+        or kind not in _TYPES
+        or not isinstance(shape, list)
+        or len(shape) > _MAX_NUMPY_DIMENSIONS
+        or not isinstance(data, memoryview)
+    ):
         raise ValueError(f"has weights '{name}' that are no tensor")
     if not all(isinstance(extent, int) and 0 <= extent < 2**40 for extent in shape):
         raise ValueError(f"has weights '{name}' with an invalid shape")
