@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _arguments as check
 from ._configs import FOLDER, PREFIX
 from ._engine import InputError
 from ._network import NUM_ACTIONS, Architecture, Array, Network, Sensor
 from ._policy_file import read_policy_file
 
 Observations = Mapping[str, Any]
+
+MOST_ENVS = 1_000_000
 
 
 class Policy:
@@ -49,7 +52,8 @@ class Policy:
 
         Raises InputError: no such file, damaged, or a network that is a TorchScript module.
         """
-        return Policy(read_policy_file(_file_of(path)), str(path))
+        name = check.path(path, "Policy.load", "path")
+        return Policy(read_policy_file(_file_of(name)), name)
 
     @property
     def architecture(self) -> str:
@@ -83,21 +87,21 @@ class Policy:
 
     def initial_state(self, num_envs: int) -> Array:
         """The recurrent state [num_envs, H] at the start of an episode."""
-        return np.zeros((num_envs, self._architecture.hidden_size), np.float32)
+        count = check.integer(num_envs, "Policy.initial_state", "num_envs", 1, MOST_ENVS)
+        return np.zeros((count, self._architecture.hidden_size), np.float32)
 
     def step(self, observations: Observations, state: Array) -> tuple[Array, Array, Array]:
         """One step of N envs, of which the caller keeps the state.
 
         observations: arrays [N, ...] by name; others than those of observation_shapes are not read.  state: [N, H], zero where an episode
         begins.  Returns logits [N, 4] (stop, forward, left, right), values [N] and the next state.  Raises InputError for an observation
-        that is missing, has another shape or is not finite.
+        that is missing, has another shape or another kind of numbers than the environments give, or is not finite, and for such a state.
         """
         rows = {sensor.name: self._rows(sensor, observations) for sensor in self._architecture.sensors}
+        state = _finite_state(state, self._architecture.hidden_size)
         sizes = {name: len(array) for name, array in rows.items()} | {"state": len(state)}
         if len(set(sizes.values())) != 1:
             raise InputError(f"observations: have different numbers of rows, {sizes}; give all of them those of the same envs")
-        if state.shape[1:] != (self._architecture.hidden_size,):
-            raise InputError(f"state: has the shape {state.shape}; start with initial_state({len(state)})")
         return self._network.step(rows, state)
 
     def act(self, observations: Observations, begins: Any = None, *, sample: bool = False, rng: np.random.Generator | None = None) -> Any:
@@ -107,20 +111,24 @@ class Policy:
         where these observations are the first of an episode; None: where the number of envs differs from the call before, all, else
         none.  sample: draws from the policy's distribution by rng (default: a fresh generator) in place of the likeliest action.
         """
+        if rng is not None and not isinstance(rng, np.random.Generator):
+            raise TypeError(f"Policy.act: rng is {check.shown(rng)}; give a numpy.random.Generator")
+        draws = check.flag(sample, "Policy.act", "sample")
         first = self._architecture.sensors[0]
-        single = np.ndim(observations.get(first.name, 0)) == len(first.shape)
+        single = self._array(first, observations).ndim == len(first.shape)
         if single:
-            observations = {name: np.asarray(array)[None] for name, array in observations.items() if name in self.observation_shapes}
+            observations = {sensor.name: self._array(sensor, observations)[None] for sensor in self._architecture.sensors}
         count = len(self._rows(first, observations))
         if self._state is None or len(self._state) != count:
             self._state = self.initial_state(count)
         if begins is not None:
-            mask = np.atleast_1d(np.asarray(begins, bool))
-            if mask.shape != (count,):
-                raise InputError(f"begins: has the shape {mask.shape}; give one bool for each of {count} envs")
-            self._state = np.where(mask[:, None], np.float32(0), self._state)
+            mask = np.atleast_1d(check.array(begins, "Policy.act", "begins", f"one bool for each of {count} envs"))
+            if mask.shape != (count,) or mask.dtype.kind not in "biu":
+                what = f"has the shape {_shape_text(mask)}" if mask.shape != (count,) else f"is of type {mask.dtype}"
+                raise InputError(f"Policy.act: begins {what}; give one bool for each of {count} envs")
+            self._state = np.where(mask.astype(bool)[:, None], np.float32(0), self._state)
         logits, _, self._state = self.step(observations, self._state)
-        actions = _drawn(logits, rng or np.random.default_rng()) if sample else logits.argmax(1).astype(np.int32)
+        actions = _drawn(logits, rng or np.random.default_rng()) if draws else logits.argmax(1).astype(np.int32)
         return int(actions[0]) if single else actions
 
     def to_onnx(self, path: str | Path) -> None:
@@ -133,19 +141,29 @@ class Policy:
 
         write_onnx(self._architecture, self.weights, Path(path))
 
-    def _rows(self, sensor: Sensor, observations: Observations) -> NDArray[Any]:
+    def _array(self, sensor: Sensor, observations: Observations) -> NDArray[Any]:
+        if not isinstance(observations, Mapping):
+            raise TypeError(f"observations are {check.shown(observations)}; give a dict of arrays by name")
         if sensor.name not in observations:
             raise InputError(
                 f"observations: have no '{sensor.name}', which the policy reads; it reads {', '.join(self.observation_shapes)}"
             )
-        array = np.asarray(observations[sensor.name])
+        shape = "x".join(map(str, sensor.shape))
+        return check.array(observations[sensor.name], "observations", f"'{sensor.name}'", f"rows of {shape} {_values_of(sensor)[1]}")
+
+    def _rows(self, sensor: Sensor, observations: Observations) -> NDArray[Any]:
+        array, where = self._array(sensor, observations), f"observation '{sensor.name}'"
         if array.shape[1:] != sensor.shape or array.ndim != len(sensor.shape) + 1:
             wanted = "x".join(["N", *map(str, sensor.shape)])
-            raise InputError(f"observation '{sensor.name}': has the shape {'x'.join(map(str, array.shape))}; the policy reads {wanted}")
-        if array.dtype.kind not in "fiub" or (array.dtype.kind == "f" and not np.isfinite(array).all()):
-            raise InputError(f"observation '{sensor.name}': has values that are no finite numbers")
-        if sensor.kind == "previous_action" and array.size and not (array.min() >= -1 and array.max() < NUM_ACTIONS):
-            raise InputError(f"observation '{sensor.name}': has values outside -1 (none) to {NUM_ACTIONS - 1}")
+            raise InputError(f"{where}: has the shape {_shape_text(array)}; the policy reads {wanted}")
+        if len(array) == 0:
+            raise InputError(f"{where}: has no rows; give those of at least one env")
+        kinds, words, low, high = _values_of(sensor)
+        if array.dtype.kind not in kinds:
+            raise InputError(f"{where}: has numbers of type {array.dtype}; the policy reads {words}, as the environments give them")
+        if not (float(array.min()) >= low and float(array.max()) <= high):  # neither holds for NaN
+            limits = "no finite numbers" if kinds == "f" else f"outside {low} to {high}"
+            raise InputError(f"{where}: has values that are {limits}")
         return array
 
     def _check_weights(self, where: str) -> None:
@@ -164,13 +182,44 @@ class Policy:
             raise InputError(f"{where}: has weights that do not fit its architecture; export it again")
 
 
-def _file_of(path: str | Path) -> Path:
-    if not str(path).startswith(PREFIX):
-        return Path(path)
+def _file_of(name: str) -> Path:
+    if not name.startswith(PREFIX):
+        return Path(name)
     known = {f"{PREFIX}policies/{file.stem}": file for file in sorted((FOLDER / "policies").glob("*.policy"))}
-    if str(path) not in known:
-        raise InputError(f"{path}: the package has no such policy; it has {', '.join(known)}")
-    return known[str(path)]
+    if name not in known:
+        raise InputError(f"{name}: the package has no such policy; it has {', '.join(known)}")
+    return known[name]
+
+
+def _shape_text(array: NDArray[Any]) -> str:
+    return "x".join(map(str, array.shape)) or "of a single number"
+
+
+def _values_of(sensor: Sensor) -> tuple[str, str, float, float]:
+    """What an observation consists of: kinds of numpy's types, their name, and the limits of the values."""
+    if sensor.kind == "previous_action":
+        return "iu", "integers", -1, NUM_ACTIONS - 1
+    if sensor.kind == "collision":
+        return "iub", "integers or bools", 0, 1
+    if sensor.is_bytes:
+        return "u", "unsigned integers", 0, 255
+    if sensor.kind == "semantic":
+        return "iu", "integers", 0, 65535
+    largest = float(np.finfo(np.float32).max)
+    return "f", "floats", -largest, largest
+
+
+def _finite_state(state: object, size: int) -> Array:
+    array = check.array(state, "Policy.step", "state", f"floats [N, {size}], at first initial_state(N)")
+    if array.ndim != 2 or array.shape[1] != size:
+        raise InputError(f"Policy.step: state has the shape {_shape_text(array)}; start with initial_state(N), which is Nx{size}")
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"Policy.step: state is of type {array.dtype}; give floats, at first initial_state(N)")
+    with np.errstate(over="ignore"):
+        found: Array = array.astype(np.float32, copy=False)
+    if not np.isfinite(found).all():
+        raise InputError("Policy.step: state has values that are not finite; give that of the step before, at first initial_state(N)")
+    return found
 
 
 def _drawn(logits: Array, rng: np.random.Generator) -> NDArray[np.int32]:

@@ -88,6 +88,7 @@ class Things:
         self.plain.reset(1)
         self.pair = earshot.parallel_env({**SMALL, "agents": 2})
         self.pair.reset(seed=1)
+        self.policy = earshot.Policy.load("earshot:policies/quick")
         self.closed = earshot.make_vec(SMALL, num_envs=1)
         self.closed.close()
 
@@ -298,6 +299,48 @@ def batch_calls(on: Things) -> list[Call]:
     ]
 
 
+def policy_calls(on: Things) -> list[Call]:
+    agent = on.policy
+    dtypes = {"collision": np.uint8, "previous_action": np.int32}
+    rows = {name: np.zeros((2, *shape), dtypes.get(name, np.float32)) for name, shape in agent.observation_shapes.items()}
+
+    def mostly(array: Any) -> st.SearchStrategy[Any]:
+        """The array, or something odd in one call of eight."""
+        right = st.just(array)
+        return st.integers(0, 7).flatmap(lambda draw: odd if draw == 0 else right)
+
+    observations = st.fixed_dictionaries({name: mostly(array) for name, array in rows.items()})
+
+    def step(**arguments: Any) -> None:
+        logits, values, state = agent.step(**arguments)
+        for array in (logits, values, state):
+            assert np.isfinite(array).all()
+
+    def act(**arguments: Any) -> None:
+        actions = agent.act(**arguments)
+        assert actions.shape == (2,)
+        assert set(actions.tolist()) <= {0, 1, 2, 3}
+
+    return [
+        (
+            "Policy.step",
+            step,
+            {"observations": observations, "state": st.just(np.zeros((2, 128), np.float32)) | st.just([[0.0] * 128] * 2)},
+        ),
+        (
+            "Policy.act",
+            act,
+            {
+                "observations": observations,
+                "begins": st.none() | st.just([True, False]),
+                "sample": st.booleans(),
+                "rng": st.none() | st.just(np.random.default_rng(1)),
+            },
+        ),
+        ("Policy.initial_state", agent.initial_state, {"num_envs": st.integers(1, 9)}),
+    ]
+
+
 def cut(state: bytes) -> st.SearchStrategy[bytes]:
     """A state with a byte changed and the rest cut."""
     return st.tuples(st.integers(0, len(state) - 1), st.integers(0, 255), st.integers(0, len(state))).map(
@@ -321,7 +364,7 @@ def judge(name: str, arguments: dict[str, Any], error: Exception) -> None:
 
 def main(count: int, seed: int, log: Path) -> None:
     on = Things()
-    known = scene_calls(on) + response_calls(on) + env_calls(on) + batch_calls(on)
+    known = scene_calls(on) + response_calls(on) + env_calls(on) + batch_calls(on) + policy_calls(on)
     outcomes: collections.Counter[str] = collections.Counter()
     by_name: collections.Counter[str] = collections.Counter()
 

@@ -360,17 +360,91 @@ def without(name: str) -> dict[str, NDArray[Any]]:
         (drawn_observations(0) | {"collision": np.zeros((3, 1), np.uint8)}, "different numbers of rows"),
         (drawn_observations(0) | {"previous_action": np.full((4, 1), 4, np.int32)}, "'previous_action'.*outside"),
         (drawn_observations(0) | {"collision": np.array([["a"]] * 4)}, "'collision'.*numbers"),
+        (drawn_observations(0) | {"collision": np.full((4, 1), 0.5)}, "'collision'.*float64; the policy reads integers or bools"),
+        (drawn_observations(0) | {"collision": np.full((4, 1), 255, np.uint8)}, "'collision'.*outside 0 to 1"),
+        (drawn_observations(0) | {"previous_action": np.full((4, 1), 1.7)}, "'previous_action'.*float64; the policy reads integers"),
+        (drawn_observations(0) | {"previous_action": np.ones((4, 1), bool)}, "'previous_action'.*bool; the policy reads integers"),
+        (drawn_observations(0) | {"depth": np.full((4, 64, 64, 1), 200, np.uint8)}, "'depth'.*uint8; the policy reads floats"),
+        (drawn_observations(0) | {"depth": np.full((4, 64, 64, 1), 1e300)}, "'depth'.*finite"),
+        (drawn_observations(0) | {"interaural": [[[[1.0] * 4], [[1.0] * 3]]]}, "'interaural' has rows of different lengths; give rows of"),
+        ({name: rows[:0] for name, rows in drawn_observations(0).items()}, "'depth'.*no rows; give those of at least one env"),
     ],
 )
 def test_observations_that_do_not_fit_are_named(changed: dict[str, NDArray[Any]], words: str) -> None:
     with pytest.raises(earshot.InputError, match=words):
         policy().step(changed, policy().initial_state(4))
-    with pytest.raises(earshot.InputError, match=words):
+    with pytest.raises(earshot.InputError, match=words) as caught:
         policy().act(changed)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_kind_of_sensor_takes_its_kind_of_numbers_alone(seed: int) -> None:
+    """Pictures of bytes that are given as floats would be divided by 255 twice, floats that are given as bytes not at all."""
+    network = made_network(RICH)
+    agent = earshot.Policy({"architecture": RICH, "weights": network.weights, "config_yaml": ""}, "made")
+    kinds = {"rgb": "u", "topdown_map": "u", "previous_action": "iu", "collision": "iub"}
+    rng = np.random.default_rng(seed)
+    right = {"u": np.uint8, "iu": np.int32, "iub": np.uint8, "f": np.float32}
+    rows = {
+        sensor.name: rng.integers(0, 2, (2, *sensor.shape)).astype(right[kinds.get(sensor.name, "f")])
+        for sensor in network.architecture.sensors
+    }
+    expected = agent.step(rows, agent.initial_state(2))[0]
+    for name, array in rows.items():
+        for kind in (np.bool_, np.uint8, np.uint16, np.int8, np.int64, np.float16, np.float64, np.complex64, object):
+            changed, state = rows | {name: array.astype(kind)}, agent.initial_state(2)
+            if np.dtype(kind).kind in kinds.get(name, "f"):
+                assert (agent.step(changed, state)[0] == expected).all(), (name, kind)
+                continue
+            with pytest.raises(earshot.InputError, match=f"^observation '{name}': has numbers of type {np.dtype(kind)}; the policy reads"):
+                agent.step(changed, state)
+    with pytest.raises(earshot.InputError, match=r"^observation 'rgb': has values that are outside 0 to 255$"):
+        agent.step(rows | {"rgb": rows["rgb"].astype(np.uint16) + 300}, agent.initial_state(2))
 
 
 def test_states_and_masks_that_do_not_fit_are_named() -> None:
-    with pytest.raises(earshot.InputError, match="state"):
-        policy().step(drawn_observations(0), np.zeros((4, 5), np.float32))
-    with pytest.raises(earshot.InputError, match="begins"):
-        policy().act(drawn_observations(0), np.ones(3, bool))
+    agent, rows = policy(), drawn_observations(0)
+    expected = agent.step(rows, agent.initial_state(4))[0]
+    assert (agent.step(rows, agent.initial_state(4).tolist())[0] == expected).all()
+    broken = agent.initial_state(4)
+    for value in (np.nan, np.inf, -np.inf):
+        broken[2, 5] = value
+        with pytest.raises(earshot.InputError, match=r"^Policy.step: state has values that are not finite"):
+            agent.step(rows, broken)
+    for state, words in (
+        (np.zeros((4, 5), np.float32), "has the shape 4x5; start with initial_state"),
+        (0.0, "has the shape of a single number"),
+        ([[0.0] * 128, [0.0] * 127], "has rows of different lengths; give floats"),
+        (np.full((4, 128), 1e300), "has values that are not finite"),
+        (np.full((4, 128), "a"), "is of type <U1; give floats"),
+        (None, "has the shape of a single number"),
+    ):
+        with pytest.raises(earshot.InputError, match=f"^Policy.step: state {words}"):
+            agent.step(rows, state)  # type: ignore[arg-type]
+    with pytest.raises(earshot.InputError, match=r"different numbers of rows, .*'state': 3"):
+        agent.step(rows, agent.initial_state(3))
+    for begins, words in (
+        (np.ones(3, bool), "has the shape 3"),
+        ([[True], [True, False]], "has rows of different lengths"),
+        (["no"] * 4, "is of type <U2"),
+    ):
+        with pytest.raises(earshot.InputError, match=f"^Policy.act: begins {words}; give one bool for each of 4 envs"):
+            agent.act(rows, begins)
+    for count in (0, -1, 2**40):
+        with pytest.raises(earshot.InputError, match=r"^Policy.initial_state: num_envs is .*; give an integer from 1 to"):
+            agent.initial_state(count)
+    with pytest.raises(TypeError, match=r"^observations are of type list; give a dict of arrays by name$"):
+        agent.act([1])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^Policy.act: rng is 3; give a numpy.random.Generator$"):
+        agent.act(rows, sample=True, rng=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", [["float32"], {"float32": 1}, 4, "float8"])
+def test_a_type_of_weights_that_is_none_is_refused(kind: Any, tmp_path: Path) -> None:
+    fields = read_policy_file(QUICK)
+    tensor = {"dtype": kind, "shape": [1], "data": b"\0\0\0\0"}
+    body = {key: fields[key] for key in ("architecture", "config_yaml")} | {"weights": {"actor.bias": tensor}}
+    (tmp_path / "crafted.policy").write_bytes(rewritten(packed(body)))
+    with pytest.raises(earshot.InputError, match=r"has weights 'actor.bias' that are no tensor; copy it again"):
+        earshot.Policy.load(tmp_path / "crafted.policy")
