@@ -54,7 +54,7 @@ for python in "${pythons[@]}"; do
     # From another folder, so that the sources are not what is imported.
     status=0
     (cd "$environment" && bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" \
-      "${arguments[@]:-$root/python/tests}") >>"$environment.log" 2>&1 || status=$?
+      "$root/python/tests" ${arguments[@]+"${arguments[@]}"}) >>"$environment.log" 2>&1 || status=$?
     [ "$status" -eq 0 ] || { failed=1; tail -n 30 "$environment.log" >&2; }
     printf '| %s | %s | `%s` | %s | %s |\n' "$version" "$numpy" "$tag" "$gymnasium" "$(tail -n 1 "$environment.log")" >>"$work/table.md"
   done
