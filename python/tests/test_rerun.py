@@ -60,7 +60,11 @@ def episode(seed: int, steps: int = 5) -> dict[str, Any]:
             "triangles": packed(random.integers(0, 7, (6, 3)).astype("<u4")),
             "colors": packed(random.integers(0, 256, (6, 3)).astype(np.uint8)),
         },
-        "pictures": {"width_px": 64, "height_px": 48, "rgb": [packed(random.bytes(40)) for _ in range(steps)], "depth": []},
+        "pictures": {
+            "width_px": 64,
+            "height_px": 48,
+            **{kind: [packed(random.bytes(40)) for _ in range(count)] for kind, count in (("rgb", steps), ("depth", steps - seed))},
+        },
         "audio": {"mime": "audio/flac", "data": packed(random.bytes(99))},
     }
 
@@ -111,8 +115,10 @@ def test_a_recording_has_the_numbers_of_the_page(seed: int, tmp_path: Path) -> N
         given = [(number, step[name]) for number, step in enumerate(data["steps"]) if step[name] is not None]
         assert [(row["step"], *row["Scalars:scalars"]) for row in found[f"/{name}"]] == given
     assert [row["Scalars:scalars"] for row in found["/level_db/right"]] == [[step["level_db"][1]] for step in data["steps"]]
-    pictures = [bytes(row["EncodedImage:blob"][0]) for row in found["/house/agent/camera/rgb"]]
-    assert pictures == [base64.b64decode(one) for one in data["pictures"]["rgb"]]
+    for entity, kind in (("/house/agent/camera/rgb", "rgb"), ("/depth", "depth")):
+        pictures = [bytes(row["EncodedImage:blob"][0]) for row in found[entity]]
+        assert pictures == [base64.b64decode(one) for one in data["pictures"][kind]]
+        assert [row["step"] for row in found[entity]] == list(range(len(pictures)))
     (mesh,) = found["/house/mesh"]
     vertices, triangles, _ = rerun.mesh_of(data["mesh"])
     assert np.allclose(mesh["Mesh3D:vertex_positions"], vertices[triangles].reshape(-1, 3), atol=1e-5)
@@ -143,6 +149,15 @@ def test_what_is_no_page_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert rerun.main([str(tmp_path / "none.html"), "--out", str(tmp_path / "out.rrd")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out.rrd").exists()
+
+
+def test_a_file_that_cannot_be_written_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rerun", reason="no rerun-sdk")
+    out = tmp_path / "none" / "out.rrd"
+    assert rerun.main([str(page_of(episode(1), tmp_path / "page.html")), "--out", str(out)]) == 2
+    written = capsys.readouterr().err
+    assert written.startswith(f"rerun: {out}: cannot be written (")
+    assert written.count("\n") == 1
 
 
 def test_an_episode_of_the_program(tmp_path: Path) -> None:

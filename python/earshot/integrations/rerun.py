@@ -8,7 +8,8 @@ timeline ``episode``; the timeline ``step`` counts observations.
 entity                     content
 =========================  ============================================================================================
 ``/house``                 mesh of the storey, y up
-``/house/agent``           pose at each step; below it ``camera`` with ``rgb`` and ``depth`` (grey: 0 to ``max_depth_m``)
+``/house/agent``           pose at each step; below it ``camera`` with ``rgb``
+``/depth``                 picture of depth at each step (grey: 0 to ``max_depth_m``)
 ``/house/path``            path so far; ``/house/oracle`` that of the oracle
 ``/house/goals``           with the radius of a success
 ``/house/sources/N``       a sound at its place
@@ -57,7 +58,7 @@ def export(page: str | os.PathLike[str], out: str | os.PathLike[str]) -> int:
     """Write the episode of a replay page to an ``.rrd`` file and return the number of observations.
 
     :raises ImportError: The package rerun-sdk is missing.
-    :raises InputError: The page is no page of an episode.
+    :raises InputError: The page is no page of an episode, or the file cannot be written.
     """
     sdk = require("rerun", "rerun")
     episode = read_episode(page)
@@ -65,7 +66,10 @@ def export(page: str | os.PathLike[str], out: str | os.PathLike[str]) -> int:
     temporary = Path(f"{os.fspath(out)}.partial")
     try:
         with sdk.RecordingStream("earshot", recording_id=Path(out).stem) as stream:
-            stream.save(temporary)
+            try:
+                stream.save(temporary)
+            except RuntimeError as error:  # as the SDK says it of a file
+                raise InputError(f"{out}: cannot be written ({error})") from error
             stream.send_recording_name(name)
             _log_place(sdk, stream, episode)
             for number in range(len(episode["steps"])):
