@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import json
 import math
@@ -88,6 +89,26 @@ def test_a_resumed_run_repeats_nothing(tmp_path: Path) -> None:
     assert found == [*VALUES[:7], evaluation, *VALUES[7:12]]
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_recovered_run_that_has_grown_past_what_was_read(seed: int, tmp_path: Path) -> None:
+    """Its lines have other times, and so other lengths: whatever the line at which the reader was."""
+    path, rng = tmp_path / "events.jsonl", random.Random(seed)
+    kept = rng.randrange(1, 9)
+    held = lock(tmp_path)
+    path.write_bytes(b"".join(map(line_of, VALUES[:10])))
+    later = [dataclasses.replace(point, wall_s=point.wall_s + rng.choice([0.25, 1000.125])) for point in VALUES[kept:]]
+    found = []
+    for point in follow(tmp_path, poll_s=0.005):
+        found.append(point)
+        if len(found) == 10:
+            path.write_bytes(b"".join(map(line_of, [*VALUES[:kept], *later])))
+            (tmp_path / "run.lock").unlink()
+            held.close()
+    assert found == [*VALUES[:10], *later[10 - kept :]]
+    path.write_bytes(b"".join(map(line_of, VALUES)))
+    assert points(tmp_path) == VALUES
+
+
 def test_another_run_in_the_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "events.jsonl").write_bytes(b"".join(map(line_of, VALUES)))
     held = lock(tmp_path)
@@ -119,6 +140,57 @@ def test_what_is_no_run_is_an_error(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "events.jsonl").write_bytes(b"".join(map(line_of, VALUES)))
+    return folder
+
+
+class RefusedError(Exception):
+    """As a tracker raises it."""
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "words"),
+    [
+        (RefusedError("no permission for rooms\nask its owner\n"), 1, "tensorboard: RefusedError: no permission for rooms"),
+        (RefusedError(), 1, "tensorboard: RefusedError: no reason given"),
+        (ConnectionRefusedError(111, "Connection refused"), 1, "tensorboard: ConnectionRefusedError: [Errno 111] Connection refused"),
+        (PermissionError(13, "Permission denied", "/out"), 2, "/out: Permission denied"),
+        (OSError(28, "No space left on device", "/out"), 2, "/out: No space left on device"),
+    ],
+)
+@pytest.mark.parametrize("place", ["_logger", "log", "close"])
+def test_errors_of_trackers_and_files_are_one_line(
+    place: str, error: Exception, status: int, words: str, run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise error
+
+    if place == "_logger":
+        monkeypatch.setattr(tracking, "_logger", fail)
+    else:
+        monkeypatch.setattr(tracking, "_logger", lambda _: tracking.Logger())
+        monkeypatch.setattr(tracking.Logger, "_write", lambda *_: None)
+        monkeypatch.setattr(tracking.Logger, place, fail)
+    assert tracking.main([str(run), "--to", "tensorboard"]) == status
+    assert capsys.readouterr().err == f"tracking: {words}\n"
+
+
+def test_files_in_place_of_folders_are_one_line(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    assert tracking.main([str(file), "--to", "tensorboard", "--wait-s", "0"]) == 2
+    assert capsys.readouterr().err.startswith(f"tracking: {file}/")
+    pytest.importorskip("tensorboard", reason="no tensorboard")
+    assert tracking.main([str(run), "--to", "tensorboard", "--out", str(file / "out")]) == 2
+    written = capsys.readouterr().err
+    assert written.startswith(f"tracking: {file}")
+    assert written.count("\n") == 1
+
+
 def check_history(history: dict[str, list[tuple[int, float]]]) -> None:
     """Of every point: value and step of each metric."""
     for name in ("episodes/success", "ppo/loss"):
@@ -126,14 +198,6 @@ def check_history(history: dict[str, list[tuple[int, float]]]) -> None:
         assert [value for _, value in history[name]] == pytest.approx([point.values[name] for point in VALUES], rel=1e-6)
     assert [value for _, value in history["update"]] == [point.update for point in VALUES]
     assert "episodes/spl" not in history
-
-
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    folder.mkdir()
-    (folder / "events.jsonl").write_bytes(b"".join(map(line_of, VALUES)))
-    return folder
 
 
 def test_tensorboard(run: Path, tmp_path: Path) -> None:

@@ -84,6 +84,7 @@ class _Curve:
     def __init__(self, folder: Path) -> None:
         self.path = folder / "events.jsonl"
         self.first = b""
+        self.last = b""  #: ends at the offset
         self.offset = 0
         self.line = 0
 
@@ -91,21 +92,25 @@ class _Curve:
         try:
             with open(self.path, "rb") as file:
                 self._rewind_if_cut(file)
-                for line in file:
-                    if not line.endswith(b"\n"):
-                        return  # torn: the rest follows
-                    self.first = self.first or line
-                    self.offset += len(line)
-                    self.line += 1
-                    yield self._point(line)
+                lines = file.readlines()  # at once: the file may be cut before the caller asks for the next point
         except FileNotFoundError:
             raise InputError(f"{self.path.parent}: has no events.jsonl; name the folder of a training run") from None
+        for line in lines:
+            if not line.endswith(b"\n"):
+                return  # torn: the rest follows
+            self.first = self.first or line
+            self.last = line
+            self.offset += len(line)
+            self.line += 1
+            yield self._point(line)
 
     def _rewind_if_cut(self, file: BinaryIO) -> None:
         if self.first and file.readline() != self.first:
             raise RunError(f"{self.path}: another run has taken the folder; follow it anew")
-        if file.seek(0, os.SEEK_END) < self.offset:
+        file.seek(self.offset - len(self.last))
+        if file.read(len(self.last)) != self.last:  # cut, and maybe longer again, with other times in its lines
             self.offset = self.line = 0
+            self.last = b""
         file.seek(self.offset)
 
     def _point(self, line: bytes) -> Point:

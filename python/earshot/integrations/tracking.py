@@ -168,6 +168,13 @@ def main(arguments: list[str]) -> int:
     except RunError as error:
         print(f"tracking: {error}", file=sys.stderr)
         return 1
+    except Exception as error:  # of the tracker: its classes are many
+        if isinstance(error, OSError) and error.filename is not None:
+            print(f"tracking: {error.filename}: {error.strerror}", file=sys.stderr)
+            return 2
+        reason = (str(error).strip() or "no reason given").splitlines()[0]
+        print(f"tracking: {options.to}: {type(error).__name__}: {reason}", file=sys.stderr)
+        return 1
     print(f"{options.folder}: {count} points to {options.to}")
     return 0
 
