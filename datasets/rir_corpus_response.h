@@ -16,8 +16,6 @@
 
 namespace earshot {
 
-/// Names of the channels of a layout: left and right, harmonics by ACN number, names of microphones.
-
 /// Tables of the channels, for each head that listeners may have: config.hrtfs, or the one.
 std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpusConfig& config);
 
