@@ -7,6 +7,7 @@
 #include <set>
 
 #include "envs/sensors/sensor.h"
+#include "sim/audio/head/layout_file.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
@@ -82,8 +83,8 @@ void read(ConfigReader& reader, ObservationSpec& spec) {
   reader.read("waveform", spec.waveform, "Sound of the step, [channels, samples].");
   reader.read("heard", spec.heard, "Sound of the last second, [channels, samples].");
   reader.read("channels", spec.channels, Allowed::text("channels as of earshot rir"), kChannelsAbout);
-  // A file of microphones is read where it is used: configs come from others too.
-  if (!reader.is_describing() && !spec.channels.starts_with("array:")) static_cast<void>(read_layout(reader, "channels", spec.channels));
+  // Files are read where they are used: configs come from others too.
+  if (!reader.is_describing() && !names_file(spec.channels)) static_cast<void>(read_layout(reader, "channels", spec.channels));
   reader.read("pointgoal", spec.pointgoal, "Distance and bearing of the goal.");
   reader.read("gps_compass", spec.gps_compass, "Metres ahead of and right of the start, and radians turned since.");
   reader.read("pose", spec.pose, "Values of gps_compass, and seconds since the start.");

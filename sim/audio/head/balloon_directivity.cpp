@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "sim/audio/head/directivity.h"
-#include "sim/base/files.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/config_reader.h"
 
 namespace earshot {
@@ -167,7 +167,7 @@ std::vector<ConfigKey> Directivity::balloon_keys() {
 }
 
 std::shared_ptr<const Directivity> Directivity::balloon(const std::filesystem::path& path) {
-  return balloon_from_text(read_file(path, kMaxFileBytes), path.string());
+  return balloon_from_text(read_regular_file(path, kMaxFileBytes), path.string());
 }
 
 std::shared_ptr<const Directivity> Directivity::balloon_from_text(std::string_view text, const std::string& where) {

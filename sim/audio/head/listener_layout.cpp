@@ -14,9 +14,11 @@
 #include <utility>
 
 #include "sim/audio/head/ambisonics.h"
+#include "sim/audio/head/layout_file.h"
 #include "sim/audio/head/listener_orientation.h"
 #include "sim/audio/head/loudspeaker_layout.h"
 #include "sim/base/errors.h"
+#include "sim/base/regular_file.h"
 #include "sim/base/text/config_reader.h"
 
 namespace earshot {
@@ -24,6 +26,7 @@ namespace {
 
 constexpr std::size_t kMaxMicrophones = 256;
 constexpr float kMaxOffsetM = 10.f;
+constexpr std::size_t kMaxLayoutBytes = std::size_t{16} << 20;
 
 constexpr About kMicrophonesAbout("Microphones, a channel each, in the listener's axes.");
 constexpr float kMinLowpassHz = 20.f, kMaxLowpassHz = 20'000.f;
@@ -110,12 +113,13 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
   const std::size_t colon = text.find(':');
   const std::string_view kind = text.substr(0, colon);
   std::string_view rest = colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1);
+  if (colon != std::string_view::npos && rest.empty()) throw refuse("ends with a colon");
   if (kind == "mono") {
     ListenerLayout layout = rest.empty() ? ListenerLayout(ChannelLayout::mono) : mono(Directivity::named(rest));
-    if (Directivity::is_file(rest)) layout.files.emplace_back(rest);
+    if (names_file(text)) layout.files.emplace_back(rest);
     return layout;
   }
-  if (kind == "binaural" && rest.empty()) return ChannelLayout::binaural;
+  if (text == "binaural") return ChannelLayout::binaural;
   if (kind == "array" && !rest.empty()) return from_file(std::filesystem::path(rest));
   if (std::optional<ListenerLayout> known = loudspeaker_layout(text)) return *std::move(known);
   if (kind != "ambisonics" && kind != "ambisonic") throw refuse("is not a known layout");
@@ -145,7 +149,7 @@ ListenerLayout ListenerLayout::named(std::string_view text) {
 }
 
 ListenerLayout ListenerLayout::from_file(const std::filesystem::path& path) {
-  ConfigReader reader = ConfigReader::from_file(path);
+  ConfigReader reader = ConfigReader::from_text(read_regular_file(path, kMaxLayoutBytes), path.string());
   std::vector<ConfigReader> maps = reader.children("microphones", kMicrophonesAbout);
   reader.finish();
   if (!reader.has("microphones")) reader.fail("microphones", "is missing; it is a list of microphones");

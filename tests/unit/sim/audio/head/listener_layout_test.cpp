@@ -2,12 +2,15 @@
 #include "sim/audio/head/listener_layout.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
+#include "sim/audio/head/layout_file.h"
 #include "sim/base/errors.h"
+#include "tests/support/error_message.h"
 
 namespace earshot {
 namespace {
@@ -25,8 +28,23 @@ TEST(ListenerLayout, HasItsNames) {
   EXPECT_EQ(ListenerLayout::named("mono:cardioid").kind, ListenerKind::array);
   EXPECT_EQ(ListenerLayout::named("mono:omni").kind, ListenerKind::mono);
   for (const char* wrong : {"stereophonic", "ambisonics", "ambisonics:", "ambisonics:10", "ambisonics:-1", "ambisonics:2x",
-                            "ambisonics:2:maxn", "binaural:3", "array:", "mono:loud", "array:/nowhere/mics.yaml", ""})
+                            "ambisonics:2:maxn", "ambisonics:2:", "binaural:3", "array:", "mono:loud", "array:/nowhere/mics.yaml", ""})
     EXPECT_THROW(ListenerLayout::named(wrong), InputError) << wrong;
+}
+
+TEST(ListenerLayout, ATrailingColonIsRefused) {
+  for (const std::string name : {"binaural", "mono", "stereo", "stereo:ab", "quad", "surround_5_1", "ambisonics:2", "array"}) {
+    const std::string message = error_message([&] { ListenerLayout::named(name + ":"); });
+    EXPECT_NE(message.find(name + ":"), std::string::npos) << message;
+  }
+}
+
+// Texts alone say whether a file is opened.
+TEST(ListenerLayout, SaysWhichNamesAreOfFiles) {
+  for (const char* name : {"array:mics.yaml", "array:", "mono:b.json", "mono:/a/b.yaml", "mono:b.yml", "mono:array:b.json"})
+    EXPECT_TRUE(names_file(name)) << name;
+  for (const char* name : {"mono", "mono:cardioid", "binaural", "stereo:ab", "ambisonic:1", "quad", "json", ""})
+    EXPECT_FALSE(names_file(name)) << name;
 }
 
 TEST(ListenerLayout, RefusesWhatCannotBe) {
@@ -78,6 +96,16 @@ microphones:
   EXPECT_NEAR(gain(1, {-1, 0, 0}), 0.f, 1e-6f);
   EXPECT_NEAR(gain(2, {0, 1, 0}), 1.f, 1e-6f);
   EXPECT_NEAR(gain(2, {0, -1, 0}), -0.5f, 1e-6f);
+}
+
+// Opening a pipe would wait for who writes into it.
+TEST_F(ArrayFile, APipeIsRefused) {
+  const std::string pipe = path_.string() + ".fifo.yaml";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string& name : {"array:" + pipe, "mono:" + pipe})
+    EXPECT_NE(error_message([&] { ListenerLayout::named(name); }).find("is a device, a pipe or a socket"), std::string::npos) << name;
+  expect_refused("microphones: [{pattern: " + path_.filename().string() + ".fifo.yaml}]", "is a device, a pipe or a socket");
+  std::filesystem::remove(pipe);
 }
 
 TEST_F(ArrayFile, BadOnesAreRefused) {
