@@ -258,6 +258,8 @@ TEST_F(LoudspeakerCli, ALayoutFileGivesChannelsOfItsOwn) {
   expect_bad_input(room + write("low.yaml", "microphones:\n  - {name: a, lowpass_hz: 5}\n"), "lowpass_hz");
   EXPECT_THAT(read("stderr"), HasSubstr("low.yaml:2"));
   expect_bad_input(room + write("high.yaml", "microphones:\n  - {name: a, lowpass_hz: 9000}\n"), "half of the sample rate");
+  expect_bad_input(room + write("near.yaml", "microphones:\n  - {name: a, lowpass_hz: 7999.9}\n"),
+                   "at most 0.45 of the sample rate, 7200 Hz");
 }
 
 // A listener at rest walks: the levels of the channels over that of one omnidirectional microphone.
