@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <filesystem>
 #include <system_error>
 
+#include "sim/audio/head/layout_file.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/regular_file.h"
@@ -27,6 +29,17 @@ std::string readable(const std::string& value) {
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
   const bool fraction = error == std::errc() && end == value.data() + value.size() && value.find_first_of(".e") != std::string::npos;
   return fraction ? fmt::format("{:.6g}", number) : value;
+}
+
+/// Responses of heads with thousands of directions take some tens of MB.
+constexpr std::size_t kMaxEarBytes = std::size_t{1} << 30;
+
+/// Files of microphones, of their patterns and of a head.
+std::vector<std::filesystem::path> files_of_ears(const EnvConfig& env) {
+  std::vector<std::filesystem::path> files;
+  if (names_file(env.observation.channels)) files = env.observation.layout().files;
+  if (!env.hrtf.empty()) files.emplace_back(env.hrtf);
+  return files;
 }
 
 }  // namespace
@@ -103,6 +116,8 @@ std::string common_settings(const RunConfig& config) {
     if (is_bound(key)) lines += fmt::format("{}={}\n", key, value);
   if (!config.policy.module.empty())
     lines += fmt::format("module={}\n", hex64(hash64(read_regular_file(config.policy.module, kMaxModuleBytes))));
+  for (const auto& file : files_of_ears(config.env))
+    lines += fmt::format("{}={}\n", file.string(), hex64(hash64(read_regular_file(file, kMaxEarBytes))));
   if (!config.train.file.empty()) lines += fmt::format("training set={}\n", hex64(hash64(read_file(config.train.file))));
   if (config.held_out.is_on()) lines += fmt::format("held-out set={}\n", hex64(hash64(read_file(config.held_out_data.file))));
   return lines;

@@ -28,8 +28,8 @@ std::vector<ConfigChange> config_changes(const std::map<std::string, std::string
 bool is_free_to_change(std::string_view key, const RunConfig& now);
 
 /// Lines KEY=VALUE of the settings that all workers of one run must share: every key but those that say where files lie, how a worker
-/// reaches the others and on how many threads it runs; the contents of the training set and, if one is used, of the held-out set by their
-/// hash. Throws InputError if that cannot be read.
+/// reaches the others and on how many threads it runs; the contents of the training set, of the held-out set, of a head's responses and of
+/// microphone files, where they are used, by their hash. Throws InputError if that cannot be read.
 std::string common_settings(const RunConfig& config);
 
 /// The config of a checkpoint with overrides.  Throws InputError for the overrides env.acoustics.preset and seed: they set the defaults of

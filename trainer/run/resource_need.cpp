@@ -25,6 +25,9 @@ double row_bytes(const ObservationSpec& spec, int step_samples) {
   return sum;
 }
 
+/// Of the sound; 0 without a sensor that hears.
+double sound_channels(const ObservationSpec& spec) { return spec.hears() ? spec.layout().num_channels() : 0; }
+
 std::string in_words(double bytes) {
   return bytes < 1e9    ? fmt::format("{:.0f} MB", bytes / 1e6)
          : bytes < 1e13 ? fmt::format("{:.1f} GB", bytes / 1e9)
@@ -64,7 +67,7 @@ ResourceNeed resource_need(const RunConfig& config, int processes) {
   ResourceNeed need;
   need.processes = processes;
   need.program_bytes = kProgramBytes;
-  const double response = sensors.hears() ? 2 * sizeof(float) * rate * static_cast<double>(config.env.acoustics.rir_length_s) : 0;
+  const double response = sound_channels(sensors) * sizeof(float) * rate * static_cast<double>(config.env.acoustics.rir_length_s);
   need.environment_bytes = (envs + held_out) * (row_bytes(sensors, static_cast<int>(kStepSeconds * rate)) + response);
   need.rollout_bytes = envs * (steps * (row_bytes(sensors, 1) + kSlabs * sizeof(float)) + hidden * sizeof(float));
   const double module_bytes = config.policy.module.empty() ? 0 : bytes_of_file(config.policy.module);

@@ -149,6 +149,21 @@ TEST(ResourceNeed, GrowsWithWhatIsAskedFor) {
   EXPECT_DOUBLE_EQ(need.bytes(), 3 * need.worker_bytes());
 }
 
+// Two seconds of a response and a quarter of a second of a step, for each channel.
+TEST(ResourceNeed, CountsTheChannelsOfTheSound) {
+  const auto bytes = [](const std::string& channels) {
+    return resource_need(config_of({"envs_per_worker=1", "env.observation.spectrogram=false", "env.observation.waveform=true",
+                                    "env.acoustics.rir_length_s=2", "env.observation.channels=" + channels}),
+                         1)
+        .environment_bytes;
+  };
+  const double rate = config_of({}).env.acoustics.sample_rate_hz;
+  for (const auto& [channels, count] : {std::pair("mono", 1), {"quad", 4}, {"surround_7_1", 8}, {"ambisonic:4", 25}}) {
+    const double sound = (count - 2) * (2 + 0.25) * rate * sizeof(float);  // the response and the sound of a step
+    EXPECT_NEAR(bytes(channels) - bytes("binaural"), sound, 1e-6 * std::abs(sound)) << channels;
+  }
+}
+
 TEST(ResourceNeed, IsRefusedBeyondTheMachine) {
   const MachineLimits machine{.memory_bytes = std::uint64_t{16} << 30, .cores = 2};
   const auto refusal = [&](const std::vector<std::string>& overrides, int processes, const MachineLimits& limits) {
