@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envs/config/env_config.h"
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
+#include "envs/config/channel_order.h"
 #include "envs/scenes/scene_cache.h"
 #include "envs/task/episode.h"
 #include "sim/acoustics/accuracy/accuracy_plan.h"
@@ -13,9 +13,6 @@
 
 namespace earshot {
 namespace {
-
-/// The late field carries harmonics up to here.
-constexpr int kTracedOrder = 5;
 
 /// Returns whether the order of harmonics is given.
 bool read_acoustics(ConfigReader& reader, EnvConfig& config) {
@@ -61,9 +58,7 @@ void read(ConfigReader& reader, EnvConfig& config) {
   ConfigReader observation = reader.child("observation", "Sensors of the agents.");
   read(observation, config.observation);
   observation.finish();
-  // The late field has the harmonics that the channels need, as in `earshot rir`, unless the config says otherwise.
-  if (!has_order && config.observation.channels.starts_with("ambisonic"))
-    config.acoustics.sh_order = std::clamp(config.observation.layout().order, config.acoustics.sh_order, kTracedOrder);
+  if (!has_order) raise_order_to_channels(config);
   // The analysed window is one second of what is rendered (docs/reference/conventions.md, section 6).
   config.observation.sound.sample_rate_hz = config.acoustics.sample_rate_hz;
   config.observation.sound.num_samples = static_cast<int>(std::lround(config.acoustics.sample_rate_hz));

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "envs/baselines/baselines.h"
+#include "envs/config/channel_order.h"
 #include "evaluation/leaderboard/tracks.h"
 #include "sim/base/errors.h"
 #include "trainer/run/effective_config.h"
@@ -80,6 +81,18 @@ std::vector<SensorSpec> read_by(Baseline baseline, const ObservationSpec& spec) 
   return read;
 }
 
+/// The benchmark's env for a policy outside the tracks.  Its ears may be of another kind: they have no head, or need more harmonics of the
+/// late sound.
+EnvConfig with_sensors_outside_tracks(const EnvConfig& ours, const ObservationSpec& theirs) {
+  EnvConfig env = ours;
+  env.observation = theirs;
+  env.observation.renderer = ours.observation.renderer;
+  env.observation.egl_device = ours.observation.egl_device;
+  if (!theirs.has_ears()) env.hrtf.clear();
+  raise_order_to_channels(env);
+  return env;
+}
+
 /// Throws InputError with the first key outside the sensors that differs.
 void refuse_other_world(const EvaluationResult& result, const std::string& where, const Benchmark& benchmark, const SensedConfig& ours) {
   for (const ConfigChange& change : config_changes(ours, result.senses)) {
@@ -97,7 +110,11 @@ Standing standing_by_senses(const EvaluationResult& result, const std::string& w
   if (result.senses.empty())
     return {.track = kAnything, .rests_on = {}, .apart = "its result does not say what it sensed: an older version wrote it"};
   const SensedConfig ours = sensed_config(benchmark.run.env);
-  refuse_other_world(result, where, benchmark, ours);
+  const bool is_outside_tracks = result.track == kAnything && result.baseline.empty();
+  refuse_other_world(result, where, benchmark,
+                     is_outside_tracks
+                         ? sensed_config(with_sensors_outside_tracks(benchmark.run.env, env_of_senses(result.senses, where).observation))
+                         : ours);
   if (!result.baseline.empty()) {
     const auto baseline = baseline_by_name(result.baseline);
     if (!baseline)
@@ -128,9 +145,7 @@ EnvConfig env_for_policy(const Benchmark& benchmark, const EnvConfig& benchmark_
   const std::vector<SensorSpec> read = sensor_table(policy_env.observation, 1);
   refuse_other_rate(benchmark, benchmark_env, policy_env, where);
   if (anything) {
-    env.observation = policy_env.observation;
-    env.observation.renderer = benchmark_env.observation.renderer;
-    env.observation.egl_device = benchmark_env.observation.egl_device;
+    env = with_sensors_outside_tracks(benchmark_env, policy_env.observation);
     validate(env);
     return env;
   }

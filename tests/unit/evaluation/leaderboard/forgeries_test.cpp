@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -371,6 +372,35 @@ TEST_F(Forgeries, PoliciesEnterWithTheSensesOfTheBenchmark) {
   cheat = policy;
   cheat.acoustics.sample_rate_hz = 8000;
   EXPECT_THAT(refused(cheat), HasSubstr("env.acoustics.sample_rate_hz = 8000"));
+}
+
+// The benchmark's head is of two ears alone, and ambisonic channels need the late sound in harmonics of their order.
+TEST_F(Forgeries, OutsideTheTracksTheWorldFollowsTheChannels) {
+  Benchmark benchmark = load();
+  benchmark.run.env.hrtf = path("head.sofa");
+  write_text(path("head.sofa"), "responses");
+  EvaluationResult result = evaluated(Baseline::oracle, "agent");
+  result.baseline.clear();
+  result.track = kAnything;
+  for (const auto& [channels, order] :
+       {std::pair("ambisonic:0", 0), {"ambisonic:3", 3}, {"ambisonics:7", 5}, {"quad", 0}, {"binaural", 0}}) {
+    EnvConfig policy = config_.env;
+    policy.observation.channels = channels;
+    const EnvConfig entered = env_for_policy(benchmark, benchmark.run.env, policy, "p.policy", true);
+    EXPECT_EQ(entered.acoustics.sh_order, std::max(order, benchmark.run.env.acoustics.sh_order)) << channels;
+    EXPECT_EQ(entered.hrtf.empty(), channels != std::string("binaural")) << channels;
+    result.senses = sensed_config(entered);
+    EXPECT_EQ(standing_of(result, "result.json", benchmark).track, kAnything) << channels;
+    result.senses["acoustics.sh_order"] = "4";
+    EXPECT_THAT(refusal([&] { static_cast<void>(standing_of(result, "result.json", benchmark)); }),
+                HasSubstr("env.acoustics.sh_order = 4"));
+    result.senses = sensed_config(entered);
+    if (entered.hrtf.empty())
+      result.senses["hrtf"] = sensed_config(benchmark.run.env).at("hrtf");
+    else
+      result.senses.erase("hrtf");
+    EXPECT_THAT(refusal([&] { static_cast<void>(standing_of(result, "result.json", benchmark)); }), HasSubstr("env.hrtf")) << channels;
+  }
 }
 
 TEST_F(Forgeries, TracksAndSensesAreFixedByAHash) {
