@@ -16,6 +16,7 @@
 #include "evaluation/leaderboard/private_set.h"
 #include "evaluation/results/evaluation_workers.h"
 #include "evaluation/results/evaluator.h"
+#include "evaluation/results/policy_process.h"
 #include "evaluation/results/result_groups.h"
 #include "sim/base/control_characters.h"
 #include "sim/base/files.h"
@@ -148,7 +149,7 @@ void enter_policy(Plan& plan, const Benchmark& benchmark, const EvalArguments& o
   plan.process = std::make_shared<PolicyProcess>(plan.checkpoint, policy_limits(options));
   if (plan.process->can_open_files() && options.part_folder.empty())
     log_warning("this kernel has no Landlock: the policy's process is limited in memory and time, but could open files");
-  const RunConfig policy = parse_effective_config(plan.process->config_yaml(), where + " (its config)", without_paths());
+  const RunConfig policy = config_of_policy(plan.process->config_yaml(), where);
   constexpr std::size_t max_name = 100;
   if (policy.name.size() > max_name)
     throw InputError(where, fmt::format("has a name of {} bytes", policy.name.size()), fmt::format("at most {} are shown", max_name));

@@ -66,10 +66,11 @@ RunConfig overridden(const RunConfig& run, const std::vector<std::string>& keys,
   return changed;
 }
 
-/// Automatic choices of an evaluation would differ between machines.
+/// Automatic choices of an evaluation would differ between machines, and the process of a policy opens no files.
 void refuse_undecided(const Benchmark& benchmark, const std::string& where) {
   if (!benchmark.run.env.accuracy.empty())
     throw InputError(where, "has env.accuracy, which each machine plans by itself", "write the acoustics that it comes to (earshot plan)");
+  refuse_channels_of_file(benchmark.run.env.observation.channels, where);
   if (has_control_character(benchmark.name) || benchmark.name.empty())
     throw InputError(where, "has a benchmark.name that is empty or has control characters", "write letters, digits and signs");
 }

@@ -23,7 +23,7 @@
 #include "sim/base/text/json.h"
 #include "trainer/checkpoint/checkpoint.h"
 #include "trainer/rollout/actor.h"
-#include "trainer/run/effective_config.h"
+#include "trainer/run/run_config.h"
 
 namespace earshot {
 namespace {
@@ -64,7 +64,7 @@ class PolicyHost {
     EnvConfig env;
     read(reader, env);
     reader.finish();
-    const RunConfig config = parse_effective_config(checkpoint_.config_yaml, where_ + " (its config)", without_paths());
+    const RunConfig config = config_of_policy(checkpoint_.config_yaml, where_);
     const PolicyNetwork policy = network_of(checkpoint_, env.observation, config.policy, where_);
     num_rows_ = json.at("rows").get<std::size_t>();
     is_argmax_ = json.at("argmax").get<bool>();

@@ -14,13 +14,16 @@
 #include <utility>
 
 #include "envs/task/action.h"
+#include "evaluation/results/sensed_config.h"
 #include "sim/base/control_characters.h"
 #include "sim/base/errors.h"
 #include "sim/base/process/child_program.h"
 #include "sim/base/process/frame_channel.h"
 #include "sim/base/temporary_folder.h"
+#include "sim/base/text/config_reader.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/log.h"
+#include "trainer/run/effective_config.h"
 #include "trainer/run/run_config.h"
 
 namespace earshot {
@@ -140,7 +143,13 @@ PolicyProcess::PolicyProcess(const CheckpointBytes& policy, const PolicyLimits& 
 
 PolicyProcess::~PolicyProcess() = default;
 
-std::vector<std::string> without_paths() { return {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""}; }
+RunConfig config_of_policy(const std::string& yaml, const std::string& where) {
+  const std::string part = where + " (its config)";
+  ConfigReader env = ConfigReader::from_text(yaml, part).child("env", "Environments.");
+  const ConfigReader observation = env.child("observation", "Sensors of the agents.");
+  refuse_channels_of_file(observation.scalar("channels").value_or(""), part);  // before validation, which reads it
+  return parse_effective_config(yaml, part, {"env.scene_root=\"\"", "env.sound_root=\"\"", "env.accuracy=\"\""});
+}
 
 const std::string& PolicyProcess::config_yaml() const { return impl_->config_yaml; }
 const std::string& PolicyProcess::policy_hash() const { return impl_->policy_hash; }

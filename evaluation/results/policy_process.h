@@ -49,8 +49,9 @@ class PolicyProcess {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Overrides that empty the paths in the config of a policy: those of its author are neither read nor written.
-std::vector<std::string> without_paths();
+/// The config of a policy that others made, without its folders: paths of its author are neither read nor written.  Throws InputError that
+/// names `where`, the policy's file: its sound has channels of a file, or the config is wrong.
+RunConfig config_of_policy(const std::string& yaml, const std::string& where);
 
 /// Word by which a program is told to be the process of a policy, and what its main does then.
 inline constexpr const char* kPolicyProcessWord = "policy-process";

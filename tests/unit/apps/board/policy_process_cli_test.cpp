@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
@@ -12,6 +14,7 @@
 #include <msgpack.hpp>
 #include <string>
 
+#include "evaluation/results/result.h"
 #include "sim/base/files.h"
 #include "sim/base/random.h"
 #include "tests/support/programs/background_program.h"
@@ -65,6 +68,43 @@ class PolicyProcessCli : public BoardRulesCli {
     return 0;
   }
 };
+
+// A policy or a result may name any path as a file of microphones.  A pipe that is opened would never answer.
+TEST_F(PolicyProcessCli, MicrophoneFilesOfOthersAreNotOpened) {
+  const auto refused_at_once = [&](const std::string& arguments, const std::string& line) {
+    const std::string said = bash("timeout 60 " + earshot_program().string() + " " + arguments + "; echo code $?");
+    EXPECT_THAT(said, AllOf(HasSubstr(line), HasSubstr("code 2\n"))) << arguments;
+    EXPECT_EQ(std::ranges::count(said, '\n'), 2) << said;
+  };
+  constexpr const char* kNotOpened = "no file is opened for agents of others";
+  const std::string ears = policy("ears", "");
+  expect_done("eval " + ears + board() + " --out " + path("ears.json"));
+  for (const char* name : {"pipe", "pipe.json", "pipe.yaml"}) ASSERT_EQ(::mkfifo(path(name).c_str(), 0600), 0);
+  for (const std::string& channels :
+       {"array:" + path("pipe"), "array:" + path("none"), "mono:" + path("pipe.json"), "mono:" + path("pipe.yaml")}) {
+    write_with_config(ears, "channels: binaural", "channels: \"" + channels + "\"", path("others.policy"));
+    for (const char* track : {"", " --track anything"})
+      refused_at_once("eval " + path("others.policy") + board() + track + " --out " + path("others.json"), kNotOpened);
+    EXPECT_FALSE(std::filesystem::exists(path("others.json")));
+    EvaluationResult result = load_result(path("ears.json"));
+    result.senses["observation.channels"] = channels;
+    for (const char* track : {"", "anything"}) {
+      result.track = track;
+      save_result(result, path("forged.json"));
+      refused_at_once("leaderboard " + path("forged.json") + board(), kNotOpened);
+      refused_at_once("verify " + path("forged.json") + board(), kNotOpened);
+    }
+  }
+  // The process of a policy opens none of a benchmark either.
+  write_text(path("mics.yaml"), "microphones: [{name: a}, {name: b}]");
+  std::string text = read_file(path("board.yaml"));
+  const std::string observation = "observation: {";
+  const std::size_t at = text.find(observation) + observation.size();
+  for (const auto& [file, line] : {std::pair("mics.yaml", kNotOpened), {"pipe", "is a device, a pipe or a socket"}}) {
+    write_text(path("files.yaml"), std::string(text).insert(at, "channels: \"array:" + path(file) + "\", "));
+    refused_at_once("eval " + ears + " --benchmark " + path("files.yaml"), line);
+  }
+}
 
 TEST_F(PolicyProcessCli, HonestPoliciesHaveTheBitsOfOneProcess) {
   const std::string file = policy("ears", "");
