@@ -82,7 +82,7 @@ std::string state_of_files(const ListenerLayout& layout, const std::string& hrtf
 
 timespec file_time_now() {
   timespec now{};
-  clock_gettime(CLOCK_REALTIME_COARSE, &now);  // the clock of file times, up to a tick behind CLOCK_REALTIME
+  clock_gettime(CLOCK_REALTIME, &now);
   return now;
 }
 

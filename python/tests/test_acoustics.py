@@ -92,7 +92,8 @@ def test_cardioids_face_their_loudspeakers() -> None:
 
 
 def test_environments_have_the_channels_of_their_config() -> None:
-    config = {"episodes": {"scenes": ["shoebox:6x3x5@0.3"], "sounds": ["synth:noise"]}}
+    room = {"scenes": ["shoebox:6x3x5@0.3"], "sounds": ["synth:noise"], "filter": {"min_geodesic_m": 1, "min_ratio": 0}}
+    config = {"episodes": room}
     for name, count in (("mono", 1), ("quad", 4), ("surround_7_1", 8)):
         sensors = {"observation": {"channels": name, "waveform": True}, "acoustics": {"rays": 8, "rir_length_s": 0.1}}
         envs = earshot.make_vec({**config, **sensors}, num_envs=1)

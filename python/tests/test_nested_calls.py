@@ -117,7 +117,7 @@ render()
 """)
 
 
-SLOW = {"preset": "high", "rir_length_s": 1.0, "rays": 600, "field": "off"}
+SLOW = {"preset": "high", "rir_length_s": 1.0, "rays": 6000, "field": "off"}
 
 
 class Ended(BaseException):
@@ -179,7 +179,7 @@ def test_a_recv_that_a_signal_ends_hands_nothing_to_a_later_step(
         actions = rng.integers(1, 4, 3)
         ended.send([0, 1, 2], actions)
         whole.send([0, 1, 2], actions)
-        alarm(0.05, end)
+        alarm(0.02, end)
         with pytest.raises(Ended):
             ended.recv(3, as_sent)
         # Nothing was handed back: the envs are under way until a recv has them, and no call takes that for done.
