@@ -72,7 +72,7 @@ TEST(LoudspeakerLayout, ItsMaskIsFoundByItsNames) {
 }
 
 TEST(LoudspeakerLayout, OthersAreRefusedWithTheList) {
-  for (const char* name : {"surround", "surround_5_2", "stereo:", "stereo:blumlein", "quad:1", "5.1", "Quad"}) {
+  for (const char* name : {"surround", "surround_5_2", "stereo:blumlein", "quad:1", "5.1", "Quad"}) {
     try {
       ListenerLayout::named(name);
       ADD_FAILURE() << "accepted " << name;
