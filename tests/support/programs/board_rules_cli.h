@@ -30,6 +30,19 @@ class BoardRulesCli : public BoardCli {
     expect_done("policy " + path(name) + " --out " + path(name + ".policy"));
     return path(name + ".policy");
   }
+  /// The benchmark, whose policy runs in a process of its own, has the bits of an evaluation in the process of the command, with several
+  /// workers too.  Leaves apart.json.
+  void expect_bits_of_one_process(const std::string& file) const {
+    for (const char* choice : {" --argmax", " --sample"}) {
+      expect_done("eval " + file + board() + choice + " --out " + path("apart.json"));
+      expect_done("eval " + file + board() + choice + " --workers 2 --out " + path("workers.json"));
+      expect_done("eval " + file + " --episodes " + path("eval.json.gz") + choice + " --out " + path("here.json"));
+      const auto here = json_of("here.json"), apart = json_of("apart.json");
+      for (const char* key : {"episodes", "policy_hash", "summary", "rules", "senses", "toolchain"})
+        EXPECT_EQ(here[key], apart[key]) << key;
+      EXPECT_EQ(json_of("workers.json")["checksum"], apart["checksum"]);
+    }
+  }
   [[nodiscard]] std::string board() const { return " --benchmark " + path("board.yaml"); }
 };
 

@@ -118,14 +118,7 @@ TEST_F(ModuleCli, IsEvaluatedOnHeldOutEpisodesWhileItTrains) {
 TEST_F(ModuleCli, ABenchmarkHasTheBitsOfOneProcess) {
   const std::string file = policy("module", "policy.module=" + path("net.pt"));
   std::filesystem::remove(path("net.pt"));
-  for (const char* choice : {" --argmax", " --sample"}) {
-    expect_done("eval " + file + board() + choice + " --out " + path("apart.json"));
-    expect_done("eval " + file + board() + choice + " --workers 2 --out " + path("workers.json"));
-    expect_done("eval " + file + " --episodes " + path("eval.json.gz") + choice + " --out " + path("here.json"));
-    const auto here = json_of("here.json"), apart = json_of("apart.json");
-    for (const char* key : {"episodes", "policy_hash", "summary", "rules", "senses", "toolchain"}) EXPECT_EQ(here[key], apart[key]) << key;
-    EXPECT_EQ(json_of("workers.json")["checksum"], apart["checksum"]);
-  }
+  expect_bits_of_one_process(file);
   expect_done("verify " + path("apart.json") + board());
 }
 

@@ -24,9 +24,8 @@ TEST(ModuleDamage, EndsInARefusalOfOneLineOrAtALimit) {
   const std::vector<ModuleRecord> whole = records_of(*file_like(pointgoal_policy(4), kGruSource + kGruSequence));
   ASSERT_GE(whole.size(), 4U);
   const ModuleEnd undamaged = end_of_module(file_of(whole));
-  // Behind a test that has run a backward pass in this process, the forked one has none.
-  if (undamaged.text.find("differentiated") != std::string::npos) GTEST_SKIP() << "run this test alone: another has run a backward pass";
-  EXPECT_EQ(undamaged.kind, ModuleEnd::Kind::works) << undamaged.text;
+  // Needs a process without a backward pass, as ctest gives it: a fork leaves the threads of autograd behind.
+  ASSERT_EQ(undamaged.kind, ModuleEnd::Kind::works) << undamaged.text;
   std::vector<std::size_t> parsed;
   for (std::size_t i = 0; i < whole.size(); ++i)
     if (whole[i].name.ends_with(".py") || whole[i].name.ends_with("data.pkl") || whole[i].name.ends_with("constants.pkl"))

@@ -108,14 +108,7 @@ TEST_F(PolicyProcessCli, MicrophoneFilesOfOthersAreNotOpened) {
 
 TEST_F(PolicyProcessCli, HonestPoliciesHaveTheBitsOfOneProcess) {
   const std::string file = policy("ears", "");
-  for (const char* choice : {" --argmax", " --sample"}) {
-    expect_done("eval " + file + board() + choice + " --out " + path("apart.json"));
-    expect_done("eval " + file + board() + choice + " --workers 2 --out " + path("workers.json"));
-    expect_done("eval " + file + " --episodes " + path("eval.json.gz") + choice + " --out " + path("here.json"));
-    const auto here = json_of("here.json"), apart = json_of("apart.json");
-    for (const char* key : {"episodes", "policy_hash", "summary", "rules", "senses", "toolchain"}) EXPECT_EQ(here[key], apart[key]) << key;
-    EXPECT_EQ(json_of("workers.json")["checksum"], apart["checksum"]);
-  }
+  expect_bits_of_one_process(file);
   // The limit is on what the policy takes, not on what libtorch maps before it is read (more than that).
   expect_done("eval " + file + board() + " --sample --policy-memory-gb 0.25 --out " + path("small.json"));
   EXPECT_EQ(json_of("small.json")["checksum"], json_of("apart.json")["checksum"]);
