@@ -22,8 +22,9 @@ void read(ConfigReader& reader, PolicyConfig& config) {
   reader.read("goal_heads", config.goal_heads, "Further outputs that learn the place of the goal; together with guidance.goal.");
   reader.read("normalize_values", config.normalize_values,
               "The critic learns returns normalized by their running mean and deviation (PopArt).");
-  reader.read("module", config.module, Allowed::text("a TorchScript file"),
-              "TorchScript file of a network in place of the built-in one, which the sizes above describe. Empty: the built-in one.");
+  reader.read(
+      "module", config.module, Allowed::text("a TorchScript file"),
+      "TorchScript file of a network that replaces the built-in one; the sizes above then have no effect. Empty: the built-in network.");
 }
 
 void validate(const PolicyConfig& config) { check_values(config, "policy"); }

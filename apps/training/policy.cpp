@@ -68,7 +68,8 @@ void run_policy(const PolicyArguments& options) {
 
 void add_policy(CLI::App& app) {
   auto options = std::make_shared<PolicyArguments>();
-  CLI::App* command = app.add_subcommand("policy", "Describe a trained agent, or export it without the training state");
+  CLI::App* command = app.add_subcommand(
+      "policy", "Describe a trained agent, export it without the training state, or make a policy file of a TorchScript module");
   command->add_option("AGENT", options->agent, "Policy file, checkpoint, run folder, or with --run-config a TorchScript module")
       ->required();
   auto* out =
@@ -79,9 +80,9 @@ void add_policy(CLI::App& app) {
   command->add_flag("--config", options->config, "Print the agent's config (YAML), a starting point for fine-tuning")
       ->excludes(out)
       ->excludes(module);
-  auto* run_config = command->add_option("--run-config", options->run_config,
-                                         "Makes a policy of a TorchScript module that another trainer wrote: the sensors and the name "
-                                         "are those of this run config (docs/howto/own_network.md)");
+  auto* run_config = command->add_option(
+      "--run-config", options->run_config,
+      "Make a policy file of a TorchScript module; sensors and name come from this run config (docs/howto/own_network.md)");
   command->add_option("--set", options->overrides, "Override a key of --run-config: key=value; may be repeated")->needs(run_config);
   command->add_option("--json", options->json, "Also write the description to this JSON file")->type_name(kOutputFile);
   command->footer(

@@ -53,7 +53,7 @@ def main() -> None:
         ["policy", module, "--run-config", args.config, "--set", "name=sb3", "--out", policy],
         ["eval", policy, *board, "--out", result],
         ["verify", result, *board],
-        ["leaderboard", result, *board],
+        ["leaderboard", result, *board, "--run-here", "sb3"],
     ):
         subprocess.run([args.program, *command], check=True)
 

@@ -107,8 +107,8 @@ class Policy(Section):
     goal_heads: bool = False
     #: The critic learns returns normalized by their running mean and deviation (PopArt).
     normalize_values: bool = False
-    #: TorchScript file of a network in place of the built-in one, which the sizes above describe. Empty: the built-in one. Range: a
-    #: TorchScript file.
+    #: TorchScript file of a network that replaces the built-in one; the sizes above then have no effect. Empty: the built-in
+    #: network. Range: a TorchScript file.
     module: str = ""
 
 

@@ -109,8 +109,8 @@ def _log_place(sdk: Any, stream: Any, episode: dict[str, Any]) -> None:
 
 def _log_step(sdk: Any, stream: Any, episode: dict[str, Any], number: int) -> None:
     step = episode["steps"][number]
-    turn = sdk.RotationAxisAngle(axis=[0, 1, 0], degrees=step["heading_deg"])  # heading 0 faces -z, as the camera does
-    stream.log("house/agent", sdk.Transform3D(translation=step["position"], rotation=turn))
+    rotation = sdk.RotationAxisAngle(axis=[0, 1, 0], degrees=step["heading_deg"])  # heading 0 faces -z, as the camera does
+    stream.log("house/agent", sdk.Transform3D(translation=step["position"], rotation=rotation))
     path = [one["position"] for one in episode["steps"][: number + 1]]
     if len(path) > 1:
         stream.log("house/path", sdk.LineStrips3D([path], colors=[50, 110, 220]))

@@ -70,7 +70,7 @@ struct ListenerLayout {
   static std::vector<ConfigKey> keys();
 
   [[nodiscard]] int num_channels() const;
-  /// Whether it is an array of first-order patterns that are all at the listener's position: first-order harmonics tell all that it hears.
+  /// Whether it is an array of first-order patterns that are all at the listener's position: its signals follow from first-order harmonics.
   [[nodiscard]] bool is_coincident() const;
   /// Of results: mono; left, right; acn0, acn1, ...; or those of the microphones, mic0, mic1, ... without a name.
   [[nodiscard]] std::vector<std::string> channel_names() const;
