@@ -68,7 +68,7 @@ ModulePolicyImpl::ModulePolicyImpl(const ObservationSpec& spec, const PolicyConf
   register_tensors();
   read_initial_state();
   try_out();
-  is_trusted_ = true;
+  has_passed_trial_ = true;
   eval();
 }
 
@@ -102,11 +102,11 @@ void ModulePolicyImpl::read_initial_state() {
     state_shape_ = initial.sizes().vec();
     hidden_size_ = static_cast<int>(initial.numel());
   } catch (const std::runtime_error& error) {
-    throw InputError(where_, error.what(), what_it_gets());
+    throw InputError(where_, error.what(), expected_inputs());
   }
 }
 
-std::string ModulePolicyImpl::what_it_gets() const {
+std::string ModulePolicyImpl::expected_inputs() const {
   std::string text = "N rows of";
   for (const SensorSpec& sensor : sensors_)
     text += fmt::format(" {} Nx{} {},", sensor.name, listed(sensor.shape, "x"), name_of(sensor.type));
@@ -121,12 +121,13 @@ ObservationTensors ModulePolicyImpl::seen(const ObservationTensors& observations
   return rows;
 }
 
-/// The state [N, ...] as the module has it, anew where an episode begins.
-torch::Tensor ModulePolicyImpl::begin_state(const torch::Tensor& state, const torch::Tensor& not_done) {
+torch::Tensor ModulePolicyImpl::initial_state() { return has_memory_ ? module_.constant("initial_state") : torch::zeros({1}); }
+
+/// The state [N, ...] as the module has it, `initial` where an episode begins.
+torch::Tensor ModulePolicyImpl::begin_state(const torch::Tensor& state, const torch::Tensor& not_done, const torch::Tensor& initial) const {
   const torch::Tensor shaped = state.reshape(joined({state.size(0)}, state_shape_));
-  const torch::Tensor initial = has_memory_ ? module_.constant("initial_state") : torch::zeros({1});
-  const torch::Tensor goes_on = not_done.reshape(joined({state.size(0)}, std::vector<std::int64_t>(state_shape_.size(), 1))) > 0;
-  return torch::where(goes_on, shaped, initial.unsqueeze(0));  // not a product: 0 times NaN is NaN
+  const torch::Tensor is_continuing = not_done.reshape(joined({state.size(0)}, std::vector<std::int64_t>(state_shape_.size(), 1))) > 0;
+  return torch::where(is_continuing, shaped, initial.unsqueeze(0));  // not a product: 0 times NaN is NaN
 }
 
 PolicyOutput ModulePolicyImpl::sequence(const ObservationTensors& observations, const torch::Tensor& hidden,
@@ -136,20 +137,20 @@ PolicyOutput ModulePolicyImpl::sequence(const ObservationTensors& observations, 
     return has_sequence_ && has_memory_ && config_.recurrent && not_done.size(0) > 1 ? whole_sequence(observations, hidden, not_done)
                                                                                      : by_steps(observations, hidden, not_done);
   } catch (const std::runtime_error& error) {
-    if (is_trusted_) throw RunError(where_, error.what());
+    if (has_passed_trial_) throw RunError(where_, error.what());
     std::string what = error.what();
     std::vector<std::string> missing;
     for (const std::string& name : module_.observations_read())
       if (!observations[name].defined()) missing.push_back("'" + name + "'");
     if (!missing.empty()) what = fmt::format("reads the observation {}, which is not on", listed(missing, ", "));
-    throw InputError(where_, what, what_it_gets());
+    throw InputError(where_, what, expected_inputs());
   }
 }
 
 PolicyOutput ModulePolicyImpl::whole_sequence(const ObservationTensors& observations, const torch::Tensor& hidden,
                                               const torch::Tensor& not_done) {
   const std::int64_t T = not_done.size(0), B = not_done.size(1);
-  const torch::Tensor state = begin_state(hidden, not_done[0]);
+  const torch::Tensor state = begin_state(hidden, not_done[0], initial_state());
   return checked("sequence", module_.call("sequence", seen(observations, {T, B}), state, not_done.eq(0)), {T, B});
 }
 
@@ -157,14 +158,15 @@ PolicyOutput ModulePolicyImpl::whole_sequence(const ObservationTensors& observat
 PolicyOutput ModulePolicyImpl::by_steps(const ObservationTensors& observations, const torch::Tensor& hidden,
                                         const torch::Tensor& not_done) {
   const std::int64_t T = not_done.size(0), B = not_done.size(1);
-  const bool forgets = !has_memory_ || !config_.recurrent;
-  const std::int64_t steps = forgets ? 1 : T, rows = forgets ? T * B : B;
+  const bool is_memoryless = !has_memory_ || !config_.recurrent;
+  const std::int64_t steps = is_memoryless ? 1 : T, rows = is_memoryless ? T * B : B;
+  const torch::Tensor initial = initial_state();
   std::vector<torch::Tensor> logits, values, goals;
-  torch::Tensor state = forgets ? torch::zeros({rows, hidden_size_}) : hidden;
+  torch::Tensor state = is_memoryless ? torch::zeros({rows, hidden_size_}) : hidden;
   for (std::int64_t t = 0; t < steps; ++t) {
     const ObservationTensors now = observations.map([&](const torch::Tensor& all) { return all.narrow(0, t * rows, rows); });
-    const torch::Tensor begun = begin_state(state, forgets ? torch::zeros({rows}) : not_done[t]);
-    const PolicyOutput output = checked("forward", module_.call("forward", seen(now, {rows}), begun), {rows});
+    const torch::Tensor start_state = begin_state(state, is_memoryless ? torch::zeros({rows}) : not_done[t], initial);
+    const PolicyOutput output = checked("forward", module_.call("forward", seen(now, {rows}), start_state), {rows});
     logits.push_back(output.logits);
     values.push_back(output.value);
     if (output.goal.defined()) goals.push_back(output.goal);
@@ -212,7 +214,8 @@ PolicyOutput ModulePolicyImpl::checked(const std::string& method, std::vector<to
 void ModulePolicyImpl::try_out() {
   std::vector<torch::Tensor> before;
   for (const torch::Tensor& buffer : buffers()) before.push_back(buffer.clone());
-  if (const auto fault = fault_of_network(*this, sensors_, has_sequence_ && has_memory_)) throw InputError(where_, *fault, what_it_gets());
+  if (const auto fault = fault_of_network(*this, sensors_, has_sequence_ && has_memory_))
+    throw InputError(where_, *fault, expected_inputs());
   std::size_t i = 0;
   for (const auto& buffer : named_buffers())
     if (!torch::equal(before[i++], buffer.value()))

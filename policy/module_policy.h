@@ -47,11 +47,12 @@ class ModulePolicyImpl : public PolicyNetworkImpl {
   void register_tensors();
   void read_initial_state();
   [[nodiscard]] ObservationTensors seen(const ObservationTensors& observations, std::initializer_list<std::int64_t> leading) const;
-  [[nodiscard]] torch::Tensor begin_state(const torch::Tensor& state, const torch::Tensor& not_done);
+  [[nodiscard]] torch::Tensor initial_state();
+  [[nodiscard]] torch::Tensor begin_state(const torch::Tensor& state, const torch::Tensor& not_done, const torch::Tensor& initial) const;
   PolicyOutput whole_sequence(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
   PolicyOutput by_steps(const ObservationTensors& observations, const torch::Tensor& hidden, const torch::Tensor& not_done);
   PolicyOutput checked(const std::string& method, std::vector<torch::Tensor> outputs, std::vector<std::int64_t> leading) const;
-  [[nodiscard]] std::string what_it_gets() const;
+  [[nodiscard]] std::string expected_inputs() const;
   void try_out();
 
   ScriptModule module_;
@@ -59,7 +60,7 @@ class ModulePolicyImpl : public PolicyNetworkImpl {
   std::string where_;
   std::vector<SensorSpec> sensors_;
   bool has_memory_ = false, has_sequence_ = false;
-  bool is_trusted_ = false;  ///< tried out: what goes wrong later is no fault of the input
+  bool has_passed_trial_ = false;  ///< tried out: what goes wrong later is no fault of the input
   std::vector<std::int64_t> state_shape_ = {1};
   int hidden_size_ = 1;
   torch::Tensor value_weight_ = {}, value_bias_ = {};  ///< [1], of normalize_values

@@ -53,15 +53,15 @@ std::optional<std::string> fault_of_steps(PolicyNetworkImpl& network, const Obse
   const std::int64_t count = kSteps * kRows;
   torch::Tensor hidden = torch::zeros({count, network.hidden_size()});
   hidden = network.step(rows, hidden, torch::zeros({count})).hidden;  // a state that an episode has reached
-  const torch::Tensor goes_on = torch::ones({count});
-  const PolicyOutput first = network.step(rows, hidden, goes_on), again = network.step(rows, hidden, goes_on);
+  const torch::Tensor is_continuing = torch::ones({count});
+  const PolicyOutput first = network.step(rows, hidden, is_continuing), again = network.step(rows, hidden, is_continuing);
   for (const torch::Tensor& tensor : {first.logits, first.value, first.hidden})
     if (!torch::isfinite(tensor).all().item<bool>()) return "returns numbers that are not finite for ordinary observations";
   if (!torch::equal(first.logits, again.logits) || !torch::equal(first.value, again.value) || !torch::equal(first.hidden, again.hidden))
     return "returns other numbers in a second call with the same inputs";
   const std::int64_t row = 1;
   const PolicyOutput alone = network.step(rows.map([&](const torch::Tensor& all) { return all.narrow(0, row, 1); }),
-                                          hidden.narrow(0, row, 1), goes_on.narrow(0, row, 1));
+                                          hidden.narrow(0, row, 1), is_continuing.narrow(0, row, 1));
   if (difference(alone, row_of(first, row)) > kMaxTrialError) return "returns other numbers for a row alone than for it among others";
   return std::nullopt;
 }

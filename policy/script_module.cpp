@@ -54,7 +54,7 @@ std::string unknown_operator(const std::string& text) {
 }
 
 /// What an operator would do that no policy may; null if it is harmless.
-const char* misdeed_of(std::string_view name) {
+const char* forbidden_effect_of(std::string_view name) {
   constexpr std::array<std::pair<std::string_view, const char*>, 15> refused{{{"aten::from_file", "opens a file"},
                                                                               {"aten::save", "writes a file"},
                                                                               {"prim::fork", "starts a thread"},
@@ -70,8 +70,8 @@ const char* misdeed_of(std::string_view name) {
                                                                               {"aten::exponential", "draws a random number"},
                                                                               {"aten::manual_seed", "sets the random generator"},
                                                                               {"aten::seed", "sets the random generator"}}};
-  for (const auto& [start, deed] : refused)
-    if (name.starts_with(start)) return deed;
+  for (const auto& [start, effect] : refused)
+    if (name.starts_with(start)) return effect;
   if (!name.starts_with("aten::") && !name.starts_with("prim::") && !name.starts_with("prims::")) return "is of no part of libtorch itself";
   return nullptr;
 }
@@ -153,8 +153,8 @@ ScriptModule::ScriptModule(const std::string& bytes, const std::string& where)
     : model_(std::make_unique<Model>(Model{load_module(bytes, where)})) {
   for_each_operator(model_->module, [&](torch::jit::Node* node) {
     const std::string name = node->kind().toQualString();
-    if (const char* deed = misdeed_of(name))
-      throw InputError(where, fmt::format("uses the operator {}, which {}", name, deed), "write the module without it");
+    if (const char* effect = forbidden_effect_of(name))
+      throw InputError(where, fmt::format("uses the operator {}, which {}", name, effect), "write the module without it");
   });
   model_->module.eval();
   model_->collect_tensors(where);
@@ -178,7 +178,7 @@ std::set<std::string> ScriptModule::observations_read() const {
 
 std::vector<torch::Tensor> ScriptModule::call(const std::string& method, const ObservationTensors& observations, const torch::Tensor& state,
                                               const torch::Tensor& begins) {
-  const torch::jit::GraphOptimizerEnabledGuard as_written(false);
+  const torch::jit::GraphOptimizerEnabledGuard optimizer_off(false);
   c10::Dict<std::string, torch::Tensor> named;
   for (const auto& [name, rows] : observations.sensors) named.insert(name, rows);
   std::vector<IValue> arguments{named, state};
@@ -199,7 +199,7 @@ std::vector<torch::Tensor> ScriptModule::call(const std::string& method, const O
 }
 
 torch::Tensor ScriptModule::constant(const std::string& method) {
-  const torch::jit::GraphOptimizerEnabledGuard as_written(false);
+  const torch::jit::GraphOptimizerEnabledGuard optimizer_off(false);
   IValue result;
   try {
     result = model_->module.get_method(method)({});

@@ -17,7 +17,7 @@ import xxhash
 from numpy.typing import NDArray
 
 import earshot
-from earshot._network import Architecture, Network
+from earshot._network import Architecture, Network, Sensor
 from earshot._policy_file import read_policy_file
 from earshot._xxh3 import xxh3_64
 
@@ -212,6 +212,38 @@ def made_network(line: str, seed: int = 3) -> Network:
     }.items():  # fmt: skip
         add(name, *shape)
     return Network(architecture, weights)
+
+
+def test_features_and_values_are_those_of_the_engine() -> None:
+    """By hand: two distances, the cosine and the sine of the angle, the rest; values in the scale of returns."""
+    pose = np.array([[1, 2, np.pi / 3, 7]], np.float32)
+    np.testing.assert_allclose(Network._features(Sensor("pose", (4,)), pose), [[1, 2, 0.5, 3**0.5 / 2, 7]], rtol=1e-6)
+    compass = np.array([[1, 2, np.pi / 6]], np.float32)
+    np.testing.assert_allclose(Network._features(Sensor("gps_compass", (3,)), compass), [[1, 2, 3**0.5 / 2, 0.5]], rtol=1e-6)
+    network = made_network("actor-critic v1: pointgoal 2, conv 4, gru 5, actions 4, normalized values")
+    network.weights |= {
+        "critic.weight": np.zeros((1, 5), np.float32),
+        "critic.bias": np.array([3], np.float32),
+        "value_mean": np.array([-1], np.float32),
+        "value_deviation": np.array([2], np.float32),
+    }
+    _, value, _ = network.step({"pointgoal": np.zeros((1, 2), np.float32)}, np.zeros((1, 5), np.float32))
+    assert value is not None
+    assert np.ravel(value).tolist() == [5]
+
+
+def test_bytes_of_pictures_count_as_fractions() -> None:
+    network = made_network("actor-critic v1: rgb 36x36x3, conv 4, gru 5, actions 4")
+    white = np.full((1, 36, 36, 3), 255, np.uint8)
+    weights = {name: np.zeros_like(array) for name, array in network.weights.items()}
+    encoder = network.architecture.encoders[0]
+    # One path of unit weights through the convolutions and the linear layer, so that the output is the value of a pixel.
+    for layer in (1, 2, 3):
+        weights[f"{encoder.prefix}.conv{layer}.weight"][0, 0, 0, 0] = 1
+    weights[f"{encoder.prefix}.linear.weight"][0, 0] = 1
+    network.weights |= weights
+    assert network._encoded(encoder, {"rgb": white})[0, 0] == 1
+    assert network._encoded(encoder, {"rgb": white // 5})[0, 0] == np.float32(51) / np.float32(255)
 
 
 RICH = (
