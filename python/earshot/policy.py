@@ -33,7 +33,7 @@ class Policy:
             observations, _, ends, cuts, _ = envs.step(actions)
             begins = ends | cuts
 
-    Logits differ from those of the program by rounding, at most 1e-5 * (1 + the largest |logit|).  One thread at a time.
+    Logits differ from those of the program by rounding, at most 1e-5 * (1 + the largest magnitude of a logit).  One thread at a time.
     """
 
     def __init__(self, fields: Mapping[str, Any], where: str) -> None:
