@@ -11,6 +11,7 @@
 #include "api/scene_model.h"
 #include "api/source_model.h"
 #include "envs/episodes/episode_generator.h"
+#include "sim/acoustics/synthesis/channel_order.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 #include "sim/base/text/config_reader.h"
@@ -19,9 +20,6 @@
 
 namespace earshot::api {
 namespace {
-
-/// The late field carries harmonics up to this order.
-constexpr int kTracedOrder = 5;
 
 SceneOverrides overrides_of(const SceneOptions& options) {
   if (!options.up.empty() && options.up != "y" && options.up != "z") throw InputError("up", "is '" + options.up + "'", "write y or z");
@@ -58,11 +56,7 @@ void Scene::Model::add_warnings(const std::vector<std::string>& lines) {
     if (std::ranges::find(warnings_, line) == warnings_.end()) warnings_.push_back(line);
 }
 
-int Scene::Model::harmonics_of(const ListenerLayout& layout) const {
-  if (layout.kind == ListenerKind::mono) return 0;  // it hears from all sides alike
-  if (layout.kind == ListenerKind::ambisonics) return std::clamp(layout.order, config_.sh_order, kTracedOrder);
-  return config_.sh_order;
-}
+int Scene::Model::harmonics_of(const ListenerLayout& layout) const { return earshot::harmonics_of(layout, config_); }
 
 std::shared_ptr<const AcousticScene> Scene::Model::acoustics(int sh_order) {
   return acoustics_.get(sh_order, [&] {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "compat/call_error.h"
+#include "sim/acoustics/synthesis/channel_order.h"
 #include "sim/audio/head/hrtf.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/errors.h"
@@ -82,7 +83,7 @@ ListenerLayout layout_of(const RLRA_ChannelLayout& layout) {
 Context::Context(const RLRA_ContextConfiguration& configuration) : Context(read_configuration(configuration, read_environment()), {}) {}
 
 Context::Context(ContextSettings settings, std::set<std::string> lines) : settings_(std::move(settings)), lines_(std::move(lines)) {
-  for (const std::string& warning : settings_.warnings) say(warning);
+  for (const std::string& warning : settings_.warnings) warn_once(warning);
 }
 
 void Context::reset(const RLRA_ContextConfiguration& configuration) {
@@ -92,17 +93,17 @@ void Context::reset(const RLRA_ContextConfiguration& configuration) {
 
 void Context::clear_sources() {
   sources_.clear();
-  renderer_.forget();
+  renderer_.clear_trajectories();
 }
 
 void Context::clear_listeners() {
   listeners_.clear();
-  renderer_.forget();
+  renderer_.clear_trajectories();
 }
 
 void Context::clear_objects() {
   objects_.clear();
-  forget_scene();
+  invalidate_scene();
 }
 
 glm::dvec3 Context::place_of(glm::dvec3 units) const {
@@ -157,7 +158,7 @@ void Context::set_object_position(std::size_t index, glm::dvec3 units) {
   (void)place_of(units);
   if (placed.position == units) return;
   placed.position = units;
-  if (!placed.mesh.empty()) forget_scene();
+  if (!placed.mesh.empty()) invalidate_scene();
 }
 
 void Context::set_object_orientation(std::size_t index, glm::dquat orientation) {
@@ -165,12 +166,12 @@ void Context::set_object_orientation(std::size_t index, glm::dquat orientation) 
   const glm::dquat unit = unit_quaternion(orientation);
   if (placed.orientation == unit) return;
   placed.orientation = unit;
-  if (!placed.mesh.empty()) forget_scene();
+  if (!placed.mesh.empty()) invalidate_scene();
 }
 
 void Context::set_object_mesh(std::size_t index, ObjectMesh mesh) {
   object(index).mesh = std::move(mesh);
-  forget_scene();
+  invalidate_scene();
 }
 
 void Context::finalize_object_mesh(std::size_t index) {
@@ -181,16 +182,15 @@ void Context::finalize_object_mesh(std::size_t index) {
 void Context::set_material_database(const std::filesystem::path& path) {
   std::vector<MaterialWarning> warnings;
   database_ = MaterialDatabase::from_file(path, &warnings);
-  for (const MaterialWarning& warning : warnings) say(fmt::format("{}: {}: {}", path.string(), warning.material, warning.text));
-  forget_scene();
+  for (const MaterialWarning& warning : warnings) warn_once(fmt::format("{}: {}: {}", path.string(), warning.material, warning.text));
+  invalidate_scene();
 }
 
-void Context::forget_scene() {
+void Context::invalidate_scene() {
   is_scene_known_ = false;
   scene_ = nullptr;
   acoustics_.clear();
   for (PlacedSource& source : sources_) source.paths.clear();
-  for (PlacedListener& listener : listeners_) listener.synthesizer = nullptr;
 }
 
 const std::shared_ptr<const Scene>& Context::scene() {
@@ -199,8 +199,8 @@ const std::shared_ptr<const Scene>& Context::scene() {
       make_scene(objects_, {.unit_m = settings_.unit_m, .simplify_m = settings_.simplify_m, .database = database_ ? &*database_ : nullptr});
   is_scene_known_ = true;
   if (!scene_) return scene_;
-  for (const std::string& warning : scene_->import_report().warnings) say(warning);
-  for (const std::string& warning : scene_warnings(*scene_)) say(warning);
+  for (const std::string& warning : scene_->import_report().warnings) warn_once(warning);
+  for (const std::string& warning : scene_warnings(*scene_)) warn_once(warning);
   return scene_;
 }
 
@@ -236,9 +236,9 @@ void Context::simulate() {
       PairResponse& pair = responses[l * sources_.size() + s];
       pair = renderer_.render(scene, settings_, sources_[s], listener, {l, s}, listeners_.size());
       pair.rir_arguments = rir_arguments(settings_, scene->config());
-      if (pair.is_silent) say(fmt::format("the response is silent: no sound of source {} reaches listener {}", s, l));
+      if (pair.is_silent) warn_once(fmt::format("the response is silent: no sound of source {} reaches listener {}", s, l));
       if (pair.num_not_finite > 0)
-        say(fmt::format("{} contributions of source {} at listener {} are not finite and were left out", pair.num_not_finite, s, l));
+        warn_once(fmt::format("{} contributions of source {} at listener {} are not finite and were left out", pair.num_not_finite, s, l));
     }
   responses_ = std::move(responses);
   num_simulated_sources_ = sources_.size();
@@ -298,7 +298,7 @@ void Context::trace(RLRA_Ray& ray) {
   for (int i = 0; i < 3; ++i) ray.normal[i] = static_cast<float>(normal[i]);
 }
 
-void Context::say(const std::string& line) {
+void Context::warn_once(const std::string& line) {
   if (lines_.size() >= kMaxLines || !lines_.insert(line).second) return;
   print_line(line + (lines_.size() == kMaxLines ? " (further lines are left out)" : ""));
 }

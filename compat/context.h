@@ -65,7 +65,7 @@ class Context {
   void trace(RLRA_Ray& ray);
 
   /// Writes a line to stderr, each line once and kMaxLines in all.
-  void say(const std::string& line);
+  void warn_once(const std::string& line);
 
  private:
   static constexpr std::size_t kMaxLines = 64;
@@ -73,7 +73,7 @@ class Context {
 
   [[nodiscard]] glm::dvec3 place_of(glm::dvec3 units) const;
   SceneObject& object(std::size_t index);
-  void forget_scene();
+  void invalidate_scene();
   /// Null without any surface.
   const std::shared_ptr<const Scene>& scene();
   /// With this order of harmonics.

@@ -14,13 +14,12 @@
 
 #include "compat/call_error.h"
 #include "sim/acoustics/core/bands.h"
+#include "sim/acoustics/synthesis/channel_order.h"
 #include "sim/base/errors.h"
 
 namespace earshot::compat {
 namespace {
 
-/// The late field carries harmonics up to this order.
-constexpr int kTracedOrder = 5;
 constexpr float kSimplifyM = 0.01f;
 
 /// A number of the caller within what the engine takes; a warning names one that is beyond.
@@ -144,12 +143,6 @@ ContextSettings read_configuration(const RLRA_ContextConfiguration& from, const 
     throw CallError(RLRA_InvalidParameter, error.what());
   }
   return settings;
-}
-
-int harmonics_of(const ListenerLayout& layout, const AcousticConfig& config) {
-  if (layout.kind == ListenerKind::mono) return 0;  // it hears from all sides alike
-  if (layout.kind == ListenerKind::ambisonics) return std::clamp(layout.order, config.sh_order, kTracedOrder);
-  return config.sh_order;
 }
 
 std::string rir_arguments(const ContextSettings& settings, const AcousticConfig& config) {

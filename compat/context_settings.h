@@ -38,8 +38,6 @@ struct ContextSettings {
 ContextSettings read_configuration(const RLRA_ContextConfiguration& configuration, const EnvironmentSettings& environment);
 RLRA_ContextConfiguration default_configuration();
 
-/// Order of the harmonics of late sound for these channels, as `earshot rir` chooses it.
-int harmonics_of(const ListenerLayout& layout, const AcousticConfig& config);
 /// Arguments of `earshot rir` that give this config and gain.
 std::string rir_arguments(const ContextSettings& settings, const AcousticConfig& config);
 

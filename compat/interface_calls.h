@@ -60,22 +60,22 @@ RLRA_Error run_for(const char* function, RLRA_Context handle, Call&& call) noexc
     if (!shared) return RLRA_Uninitialized;
     const std::lock_guard lock(shared->mutex);
     return run_call(
-        function, [&] { call(shared->context); }, [&](const std::string& line) { shared->context.say(line); });
+        function, [&] { call(shared->context); }, [&](const std::string& line) { shared->context.warn_once(line); });
   } catch (...) {
     return RLRA_UnknownError;
   }
 }
 
-/// The value of call(context); `otherwise` where there is none.  Says nothing: a count is also how a caller asks.
+/// The value of call(context); `fallback` on any error.  Prints no line: callers ask by a count whether an index exists.
 template <class Value, class Call>
-Value value_for(RLRA_Context handle, Value otherwise, Call&& call) noexcept {
+Value value_for(RLRA_Context handle, Value fallback, Call&& call) noexcept {
   try {
     const std::shared_ptr<SharedContext> shared = find_context(handle);
-    if (!shared) return otherwise;
+    if (!shared) return fallback;
     const std::lock_guard lock(shared->mutex);
     return call(std::as_const(shared->context));
   } catch (...) {
-    return otherwise;
+    return fallback;
   }
 }
 

@@ -11,12 +11,13 @@ namespace earshot::compat {
 namespace {
 
 RirSynthesizer& synthesizer_of(const AcousticScene& acoustics, PlacedListener& listener) {
-  if (listener.synthesizer) return *listener.synthesizer;
   const AcousticConfig& config = acoustics.config();
+  if (listener.synthesizer && listener.rir_length_s == config.rir_length_s) return *listener.synthesizer;
   std::shared_ptr<const Hrtf> head = listener.hrtf;
   if (listener.layout.kind == ListenerKind::binaural && !head) head = Hrtf::rigid_sphere(config.sample_rate_hz);
   listener.synthesizer =
       std::make_shared<RirSynthesizer>(make_synthesis_tables(config, acoustics.bands(), listener.layout, std::move(head)));
+  listener.rir_length_s = config.rir_length_s;
   return *listener.synthesizer;
 }
 
@@ -27,11 +28,11 @@ bool has_sound(const EnergyResponse& response) {
 }  // namespace
 
 ListenerOrientation listener_orientation(const PlacedListener& listener, const ContextSettings& settings) {
-  glm::dquat turn = listener.orientation;
-  if (listener.layout.kind == ListenerKind::binaural && settings.hrtf_to_listener) turn = turn * *settings.hrtf_to_listener;
+  glm::dquat orientation = listener.orientation;
+  if (listener.layout.kind == ListenerKind::binaural && settings.hrtf_to_listener) orientation = orientation * *settings.hrtf_to_listener;
   // A level listener takes the path that keeps the bits of `earshot rir`.
-  if (turn.x == 0 && turn.z == 0) return {2 * std::atan2(turn.y, turn.w)};
-  return ListenerOrientation(turn);
+  if (orientation.x == 0 && orientation.z == 0) return {2 * std::atan2(orientation.y, orientation.w)};
+  return ListenerOrientation(orientation);
 }
 
 PairResponse PairRenderer::render(const std::shared_ptr<const AcousticScene>& acoustics, const ContextSettings& settings,

@@ -40,6 +40,7 @@ struct PlacedListener {
   glm::dquat orientation{1, 0, 0, 0};                     ///< own axes to world; unit
   std::shared_ptr<const Hrtf> hrtf = nullptr;             ///< null: the rigid sphere
   std::shared_ptr<RirSynthesizer> synthesizer = nullptr;  ///< null until it is needed
+  float rir_length_s = 0;                                 ///< of the synthesizer: of its settings the one that the scene decides
 };
 
 /// What a listener hears from a source.
@@ -59,7 +60,7 @@ class PairRenderer {
   PairResponse render(const std::shared_ptr<const AcousticScene>& acoustics, const ContextSettings& settings, PlacedSource& source,
                       PlacedListener& listener, std::pair<std::size_t, std::size_t> listener_and_source, std::size_t num_listeners);
   /// Trajectories begin anew.
-  void forget() { trajectories_.clear(); }
+  void clear_trajectories() { trajectories_.clear(); }
 
  private:
   std::map<std::pair<std::size_t, std::size_t>, TemporalReuse> trajectories_;

@@ -23,8 +23,8 @@ constexpr const char* kSceneName = "RLRA context";
 
 /// From an object's own axes and units to metres of the world.
 glm::dmat4 object_to_world(const SceneObject& object, double unit_m) {
-  const glm::dmat3 turn = unit_m * glm::mat3_cast(object.orientation);
-  glm::dmat4 matrix(turn);
+  const glm::dmat3 scaled_rotation = unit_m * glm::mat3_cast(object.orientation);
+  glm::dmat4 matrix(scaled_rotation);
   matrix[3] = glm::dvec4(unit_m * object.position, 1);
   return matrix;
 }

@@ -3,15 +3,13 @@
 
 #include <algorithm>
 
+#include "sim/acoustics/synthesis/channel_order.h"
 #include "sim/audio/head/directivity.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
 namespace earshot {
 namespace {
-
-/// The late field carries harmonics up to here.
-constexpr int kTracedOrder = 5;
 
 std::string shown(const std::vector<float>& values) {
   std::string text = "[";
@@ -102,8 +100,7 @@ void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
   }
   // Settings for the channels as in `earshot rir`, unless the file sets them.
   const ListenerLayout layout = ListenerLayout::named(config.channels);
-  if (layout.kind == ListenerKind::ambisonics)
-    config.acoustics.sh_order = std::max(config.acoustics.sh_order, std::min(layout.order, kTracedOrder));
+  if (layout.kind == ListenerKind::ambisonics) config.acoustics.sh_order = harmonics_of(layout, config.acoustics);
   if (layout.kind == ListenerKind::mono && !acoustics.has("sh_order")) config.acoustics.sh_order = 0;
   const AcousticConfig before = config.acoustics;
   read(acoustics, config.acoustics);

@@ -14,6 +14,7 @@
 
 #include "datasets/corpus_parts.h"
 #include "datasets/corpus_sounds.h"
+#include "datasets/diffuse_level.h"
 #include "datasets/label_number.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
@@ -39,17 +40,6 @@ struct MixDraw {
 };
 
 Json rounded_place(glm::dvec3 position) { return {rounded(position.x), rounded(position.y), rounded(position.z)}; }
-
-/// Root mean square of each channel in a diffuse field, over that of an omnidirectional one (before its low-pass).
-float diffuse_level(const ListenerLayout& layout, std::size_t channel) {
-  if (layout.kind == ListenerKind::array) {
-    const std::optional<float> omni_weight = layout.microphones[channel].omni_weight();
-    return omni_weight ? std::sqrt(*omni_weight * *omni_weight + (1 - *omni_weight) * (1 - *omni_weight) / 3) : 1.f;
-  }
-  if (layout.kind != ListenerKind::ambisonics || layout.norm == HarmonicNorm::n3d) return 1.f;
-  const double degree = std::floor(std::sqrt(static_cast<double>(channel)));
-  return static_cast<float>(1 / std::sqrt(2 * degree + 1));
-}
 
 /// Inputs common to all rooms of a corpus.
 struct SceneInputs {

@@ -20,6 +20,7 @@
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/source_field/source_field_store.h"
 #include "sim/acoustics/synthesis/path_glide.h"
+#include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
 #include "sim/audio/stream/sound_stream.h"
 #include "sim/base/errors.h"
@@ -197,8 +198,8 @@ void run_walk(const WalkArguments& options) {
                            .warn = log_warning});
   for (WalkSource& source : sources) source.prepare(acoustics, fields);
   const std::vector<float> sound = render(options, times, acoustics, tables, sources);
-  const int num_channels = options.acoustics.layout().num_channels();
-  write_wav(options.out, sound, num_channels, config.sample_rate_hz, options.acoustics.layout().channel_mask);
+  const int num_channels = tables->layout.num_channels();
+  write_wav(options.out, sound, num_channels, config.sample_rate_hz, tables->layout.channel_mask);
   fmt::print("{}: {:.2f} s, {} sources, {} channels at {:.0f} Hz\n", options.out, times.duration_s(), sources.size(), num_channels,
              config.sample_rate_hz);
 }

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "envs/config/channel_order.h"
 
-#include <algorithm>
+#include "sim/acoustics/synthesis/channel_order.h"
 
 namespace earshot {
-namespace {
-
-/// The late field carries harmonics up to here.
-constexpr int kTracedOrder = 5;
-
-}  // namespace
 
 void raise_order_to_channels(EnvConfig& config) {
   if (!config.observation.channels.starts_with("ambisonic")) return;
-  config.acoustics.sh_order = std::clamp(config.observation.layout().order, config.acoustics.sh_order, kTracedOrder);
+  config.acoustics.sh_order = harmonics_of(config.observation.layout(), config.acoustics);
 }
 
 }  // namespace earshot

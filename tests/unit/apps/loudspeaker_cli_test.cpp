@@ -108,6 +108,15 @@ class LoudspeakerCli : public Cli {
     for (std::size_t i = 0; i < interleaved.size(); ++i) channels[i % count].push_back(interleaved[i]);
     return channels;
   }
+  /// Channels, format and mask, as RIFF files have them.
+  void expect_header(const std::string& name, const LayoutCase& layout) const {
+    const std::string bytes = read(name);
+    std::uint32_t mask = 0;
+    if (layout.mask != 0) std::memcpy(&mask, bytes.data() + 40, 4);
+    EXPECT_EQ(mask, layout.mask) << layout.name;
+    EXPECT_EQ(static_cast<std::uint8_t>(bytes[21]), layout.mask != 0 ? 0xFF : 0x00) << layout.name;  // WAVE_FORMAT_EXTENSIBLE
+    EXPECT_EQ(bytes[22], static_cast<char>(layout.channels.size())) << layout.name;
+  }
   /// Of every listener.
   [[nodiscard]] std::vector<std::vector<std::vector<float>>> responses(const std::string& channels, std::size_t count,
                                                                        const Places& places) const {
@@ -213,12 +222,7 @@ TEST_F(LoudspeakerCli, ChannelsAreNamedInTheMetricsAndTheHeader) {
       for (const auto& entry : json.at("microphones").items()) measured.push_back(entry.key());
       EXPECT_EQ(measured, names);
     }
-    const std::string bytes = read("n.wav");
-    std::uint32_t mask = 0;
-    if (layout.mask != 0) std::memcpy(&mask, bytes.data() + 40, 4);
-    EXPECT_EQ(mask, layout.mask) << layout.name;
-    EXPECT_EQ(static_cast<std::uint8_t>(bytes[21]), layout.mask != 0 ? 0xFF : 0x00) << layout.name;  // WAVE_FORMAT_EXTENSIBLE
-    EXPECT_EQ(bytes[22], static_cast<char>(names.size()));
+    expect_header("n.wav", layout);
   }
 }
 
@@ -271,6 +275,7 @@ TEST_F(LoudspeakerCli, AWalkHasTheGainsOfThePatterns) {
     const CliOutcome outcome = earshot(fmt::format("walk {} --channels {} --poses {} --source {} --sound synth:noise --out {}", kFreeField,
                                                    layout.name, file("poses.csv"), point_text(kSource), file("w.wav")));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.errors;
+    expect_header("w.wav", layout);
     std::vector<double> found;
     for (const std::vector<float>& channel : channels_of("w.wav", layout.channels.size())) {
       double energy = 0;

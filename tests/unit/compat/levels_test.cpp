@@ -11,6 +11,7 @@
 
 #include "compat/rlr_audio_propagation.h"
 #include "sim/base/random.h"
+#include "tests/support/files/test_files.h"
 
 namespace earshot {
 namespace {
@@ -82,6 +83,7 @@ TEST(CompatLevels, AUnitSourceInTheOpen) {
 
 // A rigid floor without scattering adds the image source.  The floor is 400 m wide, so that its edges come after the response ends.
 TEST(CompatLevels, AFloorAddsItsImage) {
+  const TempFolder folder;
   for (std::uint32_t draw = 0; draw < 8; ++draw) {
     const RandomStream random(4, Purpose::test, draw);
     RLRA_ContextConfiguration configuration = quick_configuration_of(random);
@@ -92,10 +94,8 @@ TEST(CompatLevels, AFloorAddsItsImage) {
     std::array<float, 12> vertices = corners;
     for (float& value : vertices) value /= scale;
     const std::array<std::uint32_t, 4> face{0, 1, 2, 3};
-    const std::string database = testing::TempDir() + "compat_levels_" + std::to_string(draw) + ".json";
-    FILE* file = std::fopen(database.c_str(), "w");
-    std::fputs(R"({"materials": [{"name": "rigid", "labels": ["floor"], "absorption": [125, 0], "scattering": [125, 0]}]})", file);
-    std::fclose(file);
+    const std::string database = folder.write(
+        "materials.json", R"({"materials": [{"name": "rigid", "labels": ["floor"], "absorption": [125, 0], "scattering": [125, 0]}]})");
     ASSERT_EQ(RLRA_SetMaterialDatabaseJSON(pair.context(), database.c_str()), RLRA_Success);
     ASSERT_EQ(RLRA_AddObject(pair.context()), RLRA_Success);
     ASSERT_EQ(RLRA_AddMeshVertices(pair.context(), vertices.data(), 4), RLRA_Success);
@@ -107,7 +107,6 @@ TEST(CompatLevels, AFloorAddsItsImage) {
     const double expected = static_cast<double>(configuration.globalVolume) / (4 * std::numbers::pi) *
                             (1 / distance(source, listener) + 1 / distance(image, listener));
     EXPECT_NEAR(pair.area(source, listener) / expected, 1, 0.02) << draw;
-    std::remove(database.c_str());
   }
 }
 
