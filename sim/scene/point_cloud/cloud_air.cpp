@@ -13,12 +13,12 @@
 namespace earshot {
 namespace {
 
-constexpr double kDeepestPlaceM = 2;      // that air reaches through passages narrower than the closed width
-constexpr double kRoomRadiusM = 0.45;     // of a ball that fits into every room
-constexpr int kSmallestRoom = 4;          // the same in voxels, where no room is that large
-constexpr int kMaxRadius = 62;            // in voxels: distances are bytes
-constexpr std::size_t kSmallestHole = 9;  // air voxels that touch it
-constexpr double kEnough = 0.98;          // of the most air
+constexpr double kMaxNarrowReachM = 2;     // that air reaches through passages narrower than the closed width
+constexpr double kRoomRadiusM = 0.45;      // of a ball that fits into every room
+constexpr int kSmallestRoom = 4;           // the same in voxels, where no room is that large
+constexpr int kMaxRadius = 62;             // in voxels: distances are bytes
+constexpr std::size_t kMinHoleVoxels = 9;  // air voxels that touch it
+constexpr double kMinAirFraction = 0.98;   // of the most air
 
 const std::array<glm::ivec3, 6> kFaceSteps{glm::ivec3(-1, 0, 0), {1, 0, 0}, {0, -1, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 1}};
 
@@ -102,7 +102,7 @@ struct Claim {
 std::uint64_t grow_back(VoxelField& field, int radius, double cell_m) {
   std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(radius) + 1);
   // A corner of a room is three times the radius away, and narrow places behind furniture some more; what is farther lies within walls.
-  const int most_steps = 3 * radius + 3 + static_cast<int>(kDeepestPlaceM / cell_m);
+  const int most_steps = 3 * radius + 3 + static_cast<int>(kMaxNarrowReachM / cell_m);
   const auto claim_around = [&](const Claim& from, int level) {
     for (const glm::ivec3 step : kFaceSteps) {
       const glm::ivec3 near = from.voxel + step;
@@ -191,7 +191,7 @@ std::uint64_t count_holes(const VoxelField& field) {
         if (left.erase(voxel_key(near)) > 0) stack.push_back(near);
       });
     }
-    holes += size >= kSmallestHole;
+    holes += size >= kMinHoleVoxels;
   }
   return holes;
 }
@@ -212,7 +212,7 @@ CloudAir find_cloud_air(const PointVoxels& points, VoxelField& field, const std:
     const std::uint64_t most = *std::ranges::max_element(air);
     if (most == 0) continue;
     std::size_t chosen = 0;
-    while (static_cast<double>(air[chosen]) < kEnough * static_cast<double>(most)) ++chosen;
+    while (static_cast<double>(air[chosen]) < kMinAirFraction * static_cast<double>(most)) ++chosen;
     label_air(field, radii[chosen], room_radius, cell_m);
     CloudAir found{.closed_width_m = 2 * radii[chosen] * cell_m, .holes = count_holes(field)};
     field.for_each([&](glm::ivec3, int, VoxelLabel label, int count) {

@@ -25,11 +25,11 @@ namespace earshot {
 namespace {
 
 constexpr double kCellPerSpacing = 5;  // of the default cell
-constexpr double kSmallestDefault = 0.02;
+constexpr double kMinDefaultCellM = 0.02;
 // Of a cell: what the surface may move by where triangles are taken out of flat parts, and what it does by the quadric error.
-constexpr double kMovesWithin = 0.5, kMovesAbout = 0.2;
+constexpr double kMaxShiftCells = 0.5, kMaxQuadricErrorCells = 0.2;
 constexpr float kCosine45 = 0.70710678f;
-constexpr double kWorthSaying = 0.01;  // of the surface in closed openings
+constexpr double kMinReportedHoleFraction = 0.01;  // of the surface in closed openings
 
 void move_to_world(std::vector<glm::dvec3>& positions, const MeshImportOptions& options, const std::string& where) {
   const glm::dmat4 to_world = file_to_world(options);
@@ -50,8 +50,8 @@ void choose_cell(std::span<const glm::dvec3> positions, const MeshImportOptions&
   }
   cloud.spacing_m = median_spacing_m(positions);
   // Two digits: the number can be given back.
-  const double wish_m = std::clamp(kCellPerSpacing * cloud.spacing_m, kSmallestDefault, kMaxCellM);
-  cloud.cell_m = parse_decimal(fmt::format("{:.2g}", wish_m)).value();
+  const double default_cell_m = std::clamp(kCellPerSpacing * cloud.spacing_m, kMinDefaultCellM, kMaxCellM);
+  cloud.cell_m = parse_decimal(fmt::format("{:.2g}", default_cell_m)).value();
   report.warnings.push_back(fmt::format(
       "no cell is given for the point cloud: {:g} m is used, from a median spacing of {:.2g} m (--cell, or cell_m in a scene YAML)",
       cloud.cell_m, cloud.spacing_m));
@@ -155,7 +155,7 @@ void describe_holes(const TriangleMesh& mesh, ImportReport& report) {
     if (mesh.material_names[mesh.triangle_material[i]] == "closed_hole") cloud.hole_area_m2 += area;
   }
   cloud.air_m3 = enclosed_m3(mesh);
-  if (cloud.hole_area_m2 > kWorthSaying * area_m2)
+  if (cloud.hole_area_m2 > kMinReportedHoleFraction * area_m2)
     report.warnings.push_back(fmt::format("the points leave {} holes open, which are closed: {:.1f} m2, {:.1f} % of the surface",
                                           cloud.holes, cloud.hole_area_m2, 100 * cloud.hole_area_m2 / area_m2));
 }
@@ -185,8 +185,9 @@ ImportedMesh import_point_cloud(const std::filesystem::path& path, const MeshImp
   cloud.unseen_m3 = static_cast<double>(air.unseen) * std::pow(cloud.cell_m, 3);
 
   imported.mesh = mesh_of(lay_surface(voxels, field), voxels.origin_m, one_line(path.stem().string()));
-  const double moves_within_m = std::min(kMovesWithin * cloud.cell_m, 1.0);
-  simplify_mesh(imported.mesh, static_cast<float>(moves_within_m), static_cast<float>(moves_within_m * kMovesAbout / kMovesWithin));
+  const double moves_within_m = std::min(kMaxShiftCells * cloud.cell_m, 1.0);
+  simplify_mesh(imported.mesh, static_cast<float>(moves_within_m),
+                static_cast<float>(moves_within_m * kMaxQuadricErrorCells / kMaxShiftCells));
   remove_flaps(imported.mesh);
   report.triangles_read = imported.mesh.triangles.size();
   repair_mesh(imported.mesh, report);

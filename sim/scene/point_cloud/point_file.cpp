@@ -15,8 +15,8 @@
 #include "sim/scene/point_cloud/pcd_reader.h"
 #include "sim/scene/point_cloud/xyz_reader.h"
 #include "sim/scene/readers/mesh_import.h"
+#include "sim/scene/readers/ply_header.h"
 #include "sim/scene/readers/ply_reader.h"
-#include "sim/scene/readers/text_scanner.h"
 
 namespace earshot {
 namespace {
@@ -24,23 +24,15 @@ namespace {
 std::string cloud_extension(const std::filesystem::path& path) { return fold_case(path.extension().string()); }
 
 /// Whether the header of a PLY file declares vertices and no faces.
-bool declares_points_alone(std::string_view header) {
-  LineScanner lines(header);
-  std::vector<std::string_view> words;
-  bool has_vertices = false;
-  std::int64_t count = 0;
-  while (lines.next()) {
-    split_words(lines.line(), words);
-    if (words.size() == 1 && words[0] == "end_header") return has_vertices;
-    if (words.size() == 3 && words[0] == "element") {
-      count = parse_whole(words[2]).value_or(0);
-      has_vertices = has_vertices || (words[1] == "vertex" && count > 0);
-    }
-    const bool is_corner_list =
-        words.size() == 5 && words[0] == "property" && words[1] == "list" && (words[4] == "vertex_indices" || words[4] == "vertex_index");
-    if (is_corner_list && count > 0) return false;
+bool declares_points_alone(std::string_view header_text) {
+  try {
+    const PlyHeader header = parse_ply_header(header_text, "", PlyPart::header);
+    const auto has = [&](const auto& is) { return std::ranges::any_of(header.elements, is); };
+    return has([](const PlyElement& element) { return element.name == "vertex" && element.count > 0; }) &&
+           !has([](const PlyElement& element) { return element.count > 0 && std::ranges::any_of(element.properties, is_corner_list); });
+  } catch (const InputError&) {
+    return false;  // whoever reads it says so
   }
-  return false;
 }
 
 PointCloud read_ply_points(std::string_view bytes, const std::filesystem::path& path) {

@@ -26,7 +26,7 @@ class PlyHeaderParser {
  public:
   PlyHeaderParser(std::string_view bytes, const std::string& where) : bytes_(bytes), where_(where) {}
 
-  PlyHeader parse() {
+  PlyHeader parse(PlyPart part) {
     find_line_break();
     for (bool is_first = true;; is_first = false) {
       const std::string_view line = next_line();
@@ -43,7 +43,8 @@ class PlyHeaderParser {
       }
     }
     header_.body_begin = at_;
-    check_size();
+    if (!has_format_) fail("PLY header has no format line");
+    if (part == PlyPart::whole) check_size();
     return std::move(header_);
   }
 
@@ -113,7 +114,6 @@ class PlyHeaderParser {
 
   /// In double: counts may be absurd.
   void check_size() const {
-    if (!has_format_) fail("PLY header has no format line");
     double body_bytes = 0;
     for (const PlyElement& element : header_.elements) {
       for (const PlyProperty& property : element.properties) {
@@ -155,6 +155,12 @@ std::size_t size_of(PlyType type) {
   return 1;
 }
 
-PlyHeader parse_ply_header(std::string_view bytes, const std::string& where) { return PlyHeaderParser(bytes, where).parse(); }
+PlyHeader parse_ply_header(std::string_view bytes, const std::string& where, PlyPart part) {
+  return PlyHeaderParser(bytes, where).parse(part);
+}
+
+bool is_corner_list(const PlyProperty& property) {
+  return property.count_type && (property.name == "vertex_indices" || property.name == "vertex_index");
+}
 
 }  // namespace earshot

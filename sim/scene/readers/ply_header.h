@@ -35,6 +35,11 @@ struct PlyHeader {
 /// Reads the header of a PLY file.  Comments and obj_info may stand in any line; the first line tells how all lines of the header end
 /// ("\n", "\r\n" or "\r").  Throws InputError for a header that is not well formed, and if its elements cannot fit into the bytes that
 /// follow.
-PlyHeader parse_ply_header(std::string_view bytes, const std::string& where);
+/// With PlyPart::header the bytes need not have a body, and its size is not looked at.
+enum class PlyPart { whole, header };
+PlyHeader parse_ply_header(std::string_view bytes, const std::string& where, PlyPart part = PlyPart::whole);
+
+/// Whether a property is the corners of a face, or a strip of triangles.
+bool is_corner_list(const PlyProperty& property);
 
 }  // namespace earshot

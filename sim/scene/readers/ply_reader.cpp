@@ -15,10 +15,6 @@
 namespace earshot {
 namespace {
 
-bool is_corner_list(const PlyProperty& property) {
-  return property.count_type && (property.name == "vertex_indices" || property.name == "vertex_index");
-}
-
 /// Number of an axis (0 to 2) or a colour (3 to 5) that a property of a vertex is; nullopt for others.
 std::optional<int> column_of(const PlyProperty& property, bool with_looks) {
   constexpr std::array<std::array<std::string_view, 4>, 6> names{

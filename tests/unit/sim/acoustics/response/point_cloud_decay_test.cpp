@@ -33,8 +33,10 @@ std::vector<double> decays_of(const std::shared_ptr<const Scene>& scene, glm::ve
     compute_energy_response(acoustics, EarlyCandidates(acoustics, source), listener, response);
     const RoomMetrics metrics = measure(acoustics, response);
     means.resize(metrics.bands.size(), 0);
-    for (std::size_t band = 0; band < means.size(); ++band)
+    for (std::size_t band = 0; band < means.size(); ++band) {
+      EXPECT_TRUE(metrics.bands[band].t20_s) << band;
       means[band] += metrics.bands[band].t20_s.value_or(0) / static_cast<double>(listeners.size());
+    }
   }
   return means;
 }

@@ -79,6 +79,19 @@ TEST(CloudImport, ABoxOfAnySizeAndHeadingKeepsItsVolume) {
     for (const std::string& warning : imported.report.warnings) EXPECT_THAT(warning, HasSubstr("no cell is given"));
     for (const std::string& name : imported.mesh.material_names)
       EXPECT_THAT(name, testing::AnyOf("facing_up", "facing_down", "upright", "closed_hole"));
+    double floor_m2 = 0, inverted_m2 = 0;  // where noise folds a wall, a triangle may face the other way
+    for (std::size_t t = 0; t < imported.mesh.triangles.size(); ++t) {
+      const std::string& name = imported.mesh.material_names[imported.mesh.triangle_material[t]];
+      if (name != "facing_up" && name != "facing_down") continue;
+      const glm::uvec3 corners = imported.mesh.triangles[t];
+      const glm::dvec3 a(imported.mesh.vertices[corners.x]), b(imported.mesh.vertices[corners.y]), c(imported.mesh.vertices[corners.z]);
+      const double area_m2 = glm::length(glm::cross(b - a, c - a)) / 2;
+      const bool is_low = (a.y + b.y + c.y) / 3 + imported.mesh.origin_m.y < -3 + size.y / 2;
+      if (is_low != (name == "facing_up")) inverted_m2 += area_m2;
+      if (name == "facing_up") floor_m2 += area_m2;
+    }
+    EXPECT_LE(inverted_m2, 0.01 * size.x * size.z) << room;
+    EXPECT_NEAR(floor_m2, size.x * size.z, 0.1 * size.x * size.z) << room;
   }
 }
 
@@ -125,6 +138,8 @@ TEST(CloudImport, HolesAreClosedAndReported) {
     EXPECT_EQ(cloud.holes, 3u) << room;
     EXPECT_NEAR(cloud.hole_area_m2, area, 0.3 * area) << room;
     EXPECT_GE(cloud.closed_width_m, 0.7 * widest);
+    EXPECT_LE(cloud.closed_width_m, 2.5 * widest);
+    EXPECT_NEAR(std::remainder(std::log2(cloud.closed_width_m / 0.16), 1), 0, 1e-6) << "a power of two of cells";
     ASSERT_EQ(imported.report.warnings.size(), 1u) << room;
     EXPECT_THAT(imported.report.warnings.front(), HasSubstr("3 holes"));
   }
