@@ -70,13 +70,21 @@ std::shared_ptr<const SynthesisTables> Scene::Model::tables(const std::string& c
   const ListenerLayout layout = ListenerLayout::named(channels);
   if (!hrtf.empty() && layout.kind != ListenerKind::binaural)
     throw InputError("hrtf", fmt::format("has no effect on channels '{}'", channels), "leave it out, or ask for binaural");
-  const std::shared_ptr<const AcousticScene> scene = acoustics(harmonics_of(layout));
-  return tables_.get({channels, hrtf, state_of_files(layout, hrtf)}, [&] {
+  const std::string state = state_of_files(layout, hrtf);
+  const auto make = [&] {
     std::shared_ptr<const Hrtf> head;
     if (layout.kind == ListenerKind::binaural)
       head = hrtf.empty() ? Hrtf::rigid_sphere(config_.sample_rate_hz) : Hrtf::from_sofa(hrtf, config_.sample_rate_hz);
-    return make_synthesis_tables(scene->config(), scene->bands(), layout, head);
-  });
+    const ListenerLayout read_after_state = ListenerLayout::named(channels);
+    const std::shared_ptr<const AcousticScene> scene = acoustics(harmonics_of(read_after_state));
+    return std::make_shared<const TablesOfFiles>(
+        TablesOfFiles{state, make_synthesis_tables(scene->config(), scene->bands(), read_after_state, head)});
+  };
+  for (;;) {
+    const std::shared_ptr<const TablesOfFiles> kept = tables_.get({channels, hrtf}, make);
+    if (kept->state == state) return kept->tables;
+    tables_.drop({channels, hrtf}, kept);  // of files that have changed since
+  }
 }
 
 std::shared_ptr<const Appearance> Scene::Model::appearance() {

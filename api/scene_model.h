@@ -4,7 +4,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
-#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "earshot/scene.h"
@@ -38,14 +38,19 @@ struct Scene::Model {
   std::shared_ptr<const Appearance> appearance();
 
  private:
+  struct TablesOfFiles {
+    std::string state;  ///< state_of_files(), before they were read
+    std::shared_ptr<const SynthesisTables> tables;
+  };
+
   std::shared_ptr<const earshot::Scene> scene_;
   AcousticConfig config_;
   SceneOverrides overrides_;
   mutable std::mutex mutex_;  ///< guards the warnings
   std::vector<std::string> warnings_;
-  KeptResults<int, AcousticScene> acoustics_;                                               ///< by order of harmonics
-  KeptResults<std::tuple<std::string, std::string, std::string>, SynthesisTables> tables_;  ///< by channels, head and state of their files
-  KeptResults<int, Appearance> appearance_;                                                 ///< by 0
+  KeptResults<int, AcousticScene> acoustics_;                               ///< by order of harmonics
+  KeptResults<std::pair<std::string, std::string>, TablesOfFiles> tables_;  ///< by channels and head
+  KeptResults<int, Appearance> appearance_;                                 ///< by 0
 };
 
 }  // namespace earshot::api

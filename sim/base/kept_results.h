@@ -48,6 +48,12 @@ class KeptResults {
     return made;
   }
 
+  /// Drops the result of this key if it is `value`.  Those who hold it keep it.
+  void drop(const Key& key, const std::shared_ptr<const Value>& value) {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = entries_.find(key); found != entries_.end() && found->second.value == value) found->second.value = nullptr;
+  }
+
  private:
   struct Entry {
     std::shared_ptr<const Value> value;

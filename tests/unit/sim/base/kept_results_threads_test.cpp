@@ -116,5 +116,19 @@ TEST(KeptResults, AFailureIsOfItsCallerAlone) {
   EXPECT_EQ(*squares.get(1, [] { return square(0); }), 1);
 }
 
+TEST(KeptResults, AResultIsDroppedOnlyWhileItIsTheOne) {
+  Squares squares;
+  const auto first = squares.get(4, [] { return square(4); });
+  squares.drop(4, square(4));
+  EXPECT_EQ(squares.get(4, [] { return square(0); }), first) << "another value of the same number";
+  squares.drop(5, first);
+  squares.drop(4, first);
+  const auto second = squares.get(4, [] { return square(3); });
+  EXPECT_EQ(*second, 9);
+  EXPECT_EQ(*first, 16) << "who holds it keeps it";
+  squares.drop(4, first);
+  EXPECT_EQ(squares.get(4, [] { return square(0); }), second) << "it has been replaced";
+}
+
 }  // namespace
 }  // namespace earshot
