@@ -48,20 +48,6 @@ InputFile sound_file_of(const std::string& name, const std::string& path, timesp
   return {name, hash_of_file(path)};
 }
 
-std::set<std::string> sounds_of(const earshot::EpisodeSet& set) {
-  std::set<std::string> sounds;
-  const auto add = [&](const std::string& sound) {
-    if (!sound.empty() && !sound.starts_with("synth:")) sounds.insert(sound);
-  };
-  for (const earshot::Episode& episode : set.episodes) {
-    add(episode.sound);
-    add(episode.agent_sound);
-    for (const auto& source : episode.sources) add(source.sound);
-    for (const auto& agent : episode.other_agents) add(agent.sound);
-  }
-  return sounds;
-}
-
 }  // namespace
 
 std::vector<InputFile> files_of_channels(const std::string& channels) {
@@ -97,7 +83,8 @@ std::vector<InputFile> input_files_of(const EnvConfig& config, const earshot::Ep
     for (const std::string& file : read.value_or(std::vector<std::string>())) require_unchanged(file, since);
     files.push_back({scene, hash_of_scene(spec)});
   }
-  for (const std::string& sound : sounds_of(set)) files.push_back(sound_file_of(sound, resolve_sound(sound, config.sound_root), since));
+  for (const auto& [sound, of] : sounds_of(set.episodes))
+    if (!sound.starts_with("synth:")) files.push_back(sound_file_of(sound, resolve_sound(sound, config.sound_root), since));
   if (!config.hrtf.empty()) files.push_back(sound_file_of(config.hrtf, config.hrtf, since));
   const ListenerLayout layout = config.observation.layout();
   for (const std::filesystem::path& file : layout.files) files.push_back(sound_file_of(file.string(), file.string(), since));

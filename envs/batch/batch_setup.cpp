@@ -20,6 +20,7 @@ BatchSetup::BatchSetup(const EnvConfig& env_config, std::shared_ptr<const Episod
       first_env(first),
       total_envs(total > 0 ? total : first + envs),
       block_samples((validate(config), static_cast<int>(std::lround(config.acoustics.sample_rate_hz * config.task.step_time_s)))),
+      heard(heard_files_of(config, set->episodes)),
       sounds(config.observation.hears() ? std::span<const Episode>(set->episodes) : std::span<const Episode>{}, config.sound_root,
              config.acoustics.sample_rate_hz, config.sound_gain),
       per_env(size_of(config.agents)) {

@@ -7,6 +7,7 @@
 
 #include "envs/config/env_config.h"
 #include "envs/episodes/episode_set.h"
+#include "envs/hearing/heard_files.h"
 #include "envs/hearing/sound_library.h"
 #include "envs/scenes/scene_cache.h"
 
@@ -26,6 +27,7 @@ struct BatchSetup {
   std::shared_ptr<SceneCache> scenes;
   int num_envs, first_env, total_envs;
   int block_samples;  ///< of sound in a step
+  HeardFiles heard;
   SoundLibrary sounds;
   std::size_t per_env;  ///< agents
 

@@ -89,6 +89,8 @@ struct BatchedEnv::Impl {
       throw std::out_of_range(fmt::format("BatchedEnv: agent {} is out of range: the batch has {} agents", row, agents.size()));
     return agents[size_of(row)];
   }
+  /// Throws InputError where the episode set is another one, or a file of the same name has other contents.
+  void check_inputs(const EnvState& state) const;
   void check_cursor(const EnvCursor& cursor) const;
 };
 
@@ -99,6 +101,13 @@ namespace {
 }
 
 }  // namespace
+
+void BatchedEnv::Impl::check_inputs(const EnvState& state) const {
+  if (state.set_hash != setup.set->hash) refuse_state("belongs to another episode set");
+  for (const auto& [name, hash] : state.heard)
+    if (const auto found = setup.heard.find(name); found != setup.heard.end() && found->second != hash)
+      throw InputError(name, "has changed since the environment state was saved", "restore the file, or begin a new run");
+}
 
 void BatchedEnv::Impl::check_cursor(const EnvCursor& cursor) const {
   if (cursor.active && cursor.episode_index >= setup.set->episodes.size()) refuse_state("refers to an episode that is not in the set");
@@ -136,7 +145,8 @@ std::string BatchedEnv::save_state() const {
                  .first_env = in.setup.first_env,
                  .total_envs = in.setup.total_envs,
                  .started = in.scheduler.has_started(),
-                 .envs = {}};
+                 .envs = {},
+                 .heard = in.setup.heard};
   in.scheduler.refuse_while_under_way("save_state");
   for (std::size_t env = 0; env < in.envs.size(); ++env) state.envs.push_back(in.scheduler.cursor_of(env));
   return encode(state);
@@ -146,7 +156,7 @@ void BatchedEnv::restore(std::string_view text) {
   Impl& in = *impl_;
   in.scheduler.refuse_while_under_way("restore");
   const EnvState state = decode_env_state(text);
-  if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
+  in.check_inputs(state);
   if (state.seed != in.setup.config.seed) refuse_state("has a different seed");
   if (state.envs.size() != in.envs.size() || state.first_env != in.setup.first_env || state.total_envs != in.setup.total_envs)
     refuse_state("belongs to another batch of environments");
@@ -164,7 +174,8 @@ std::string BatchedEnv::snapshot(int env) const {
                  .first_env = 0,
                  .total_envs = 1,
                  .started = in.scheduler.has_started(),
-                 .envs = {in.scheduler.cursor_of(index)}});
+                 .envs = {in.scheduler.cursor_of(index)},
+                 .heard = in.setup.heard});
 }
 
 void BatchedEnv::restore(int env, std::string_view snapshot) {
@@ -172,7 +183,7 @@ void BatchedEnv::restore(int env, std::string_view snapshot) {
   in.scheduler.refuse_while_under_way("restore");
   const std::size_t index = in.scheduler.index_of(env);
   const EnvState state = decode_env_state(snapshot);
-  if (state.set_hash != in.setup.set->hash) refuse_state("belongs to another episode set");
+  in.check_inputs(state);
   if (state.envs.size() != 1 || !state.started) refuse_state("is not a snapshot of a single environment with an episode");
   if (!in.scheduler.has_started()) throw std::logic_error("BatchedEnv::restore: no episode has started; reset all environments first");
   in.check_cursor(state.envs.front());

@@ -21,6 +21,8 @@ constexpr int kStateVersion = 2;
 
 [[noreturn]] void fail(const std::string& problem) { throw InputError("environment state", problem, "use another checkpoint"); }
 
+std::uint64_t hash_at(const json& object, const std::string& key) { return std::stoull(object.at(key).get<std::string>(), nullptr, 16); }
+
 }  // namespace
 
 std::string encode(const EnvState& state) {
@@ -32,13 +34,15 @@ std::string encode(const EnvState& state) {
                     {"seed", env.seed},
                     {"stream", env.stream},
                     {"episode_index", env.episode_index},
-                    {"episode_count", env.episode_count}});
+                    {"episode_count", env.episode_count},
+                    {"scene", hex64(env.scene)}});
     write_actions(envs.back(), env.actions, env.others);
   }
-  const json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
-                     {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
-  const json document = {{"earshot_env_state", kStateVersion}, {"checksum", hex64(hash64(json_text(body)))}, {"body", body}};
-  return json_text(document);
+  json body = {{"set_hash", hex64(state.set_hash)}, {"seed", state.seed},       {"first_env", state.first_env},
+               {"total_envs", state.total_envs},    {"started", state.started}, {"envs", envs}};
+  for (const auto& [name, hash] : state.heard) body["heard"][name] = hex64(hash);
+  const json document = {{"earshot_env_state", kStateVersion}, {"checksum", hex64(hash64(json_text_of_any_bytes(body)))}, {"body", body}};
+  return json_text_of_any_bytes(document);
 }
 
 EnvState decode_env_state(std::string_view text) {
@@ -50,8 +54,9 @@ EnvState decode_env_state(std::string_view text) {
                          {kStateVersion, kStateVersion});
     const json& body = document.at("body");
     if (document.at("checksum").get<std::string>() != hex64(hash64(json_text(body)))) fail("is corrupted: its checksum does not match");
-    const auto hash = body.at("set_hash").get<std::string>();
-    state.set_hash = std::stoull(hash, nullptr, 16);
+    state.set_hash = hash_at(body, "set_hash");
+    if (body.contains("heard"))
+      for (const auto& [name, hash] : body.at("heard").items()) state.heard[name] = hash_at(body.at("heard"), name);
     state.seed = whole_number<std::uint64_t>(body, "seed");
     state.first_env = whole_number<int>(body, "first_env");
     state.total_envs = whole_number<int>(body, "total_envs");
@@ -65,6 +70,7 @@ EnvState decode_env_state(std::string_view text) {
                        .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
                        .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};
+      if (env.contains("scene")) cursor.scene = hash_at(env, "scene");
       read_actions(env, cursor.actions, cursor.others, fail);
       if (cursor.episode_count < 0) fail("contains a negative episode count");
       state.envs.push_back(std::move(cursor));
@@ -72,7 +78,7 @@ EnvState decode_env_state(std::string_view text) {
   } catch (const json::exception& error) {
     fail(std::string("cannot be read: ") + error.what());
   } catch (const std::logic_error&) {  // std::stoull
-    fail("cannot be read: set_hash is not a hexadecimal number");
+    fail("cannot be read: a hash is not a hexadecimal number");
   }
   return state;
 }

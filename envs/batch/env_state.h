@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "envs/hearing/heard_files.h"
+
 namespace earshot {
 
 /// Where one env is: which episode, and the actions since its start.  Everything else is a function of these.
@@ -19,6 +21,7 @@ struct EnvCursor {
   int episode_count = 0;
   std::vector<std::int8_t> actions;                   ///< of the first agent, until it ended
   std::vector<std::vector<std::int8_t>> others = {};  ///< of the further ones
+  std::uint64_t scene = 0;                            ///< Scene::hash(); 0: without an episode, or in files of before
 };
 
 /// State of a batch, with what it must be restored into.
@@ -27,6 +30,7 @@ struct EnvState {
   int first_env = 0, total_envs = 0;
   bool started = false;
   std::vector<EnvCursor> envs;
+  HeardFiles heard = {};  ///< none in files of before
 };
 
 /// JSON with a version and a checksum.

@@ -328,6 +328,7 @@ EnvCursor Environment::cursor(bool given_up) const {
                    .episode_index = lead.episode_index,
                    .episode_count = std::max(0, lead.episode_count),
                    .actions = is_void ? std::vector<std::int8_t>{} : lead.actions};
+  if (lead.source && cursor.active && !is_void) cursor.scene = lead.source->scene->scene->hash();
   for (const Agent& agent : run_.agents.subspan(1)) cursor.others.push_back(is_void ? std::vector<std::int8_t>{} : agent.actions);
   return cursor;
 }

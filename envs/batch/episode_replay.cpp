@@ -24,6 +24,10 @@ std::size_t EpisodeReplay::heard_from(const Agent& agent) const {
 }
 
 void EpisodeReplay::walk() {
+  const Agent& lead = run_->agents.front();
+  if (cursor_->scene != 0 && cursor_->scene != lead.source->scene->scene->hash())
+    throw InputError(setup_->set->episodes[cursor_->episode_index].scene_id, "has changed since the environment state was saved",
+                     "restore the files of the scene, or begin a new run");
   std::size_t steps = 0;
   for (const Agent& agent : run_->agents) steps = std::max(steps, actions_of(agent).size());
   for (std::size_t step = 0; step <= steps; ++step) {

@@ -19,25 +19,29 @@ std::string resolve_sound(const std::string& name, const std::string& sound_root
   return name;
 }
 
+std::map<std::string, const Episode*> sounds_of(std::span<const Episode> episodes) {
+  std::map<std::string, const Episode*> sounds;
+  for (const Episode& episode : episodes) {
+    if (episode.sources.empty()) sounds.emplace(episode.sound, &episode);
+    for (const EpisodeSource& source : episode.sources) sounds.emplace(source.sound, &episode);
+    if (!episode.agent_sound.empty()) sounds.emplace(episode.agent_sound, &episode);
+    for (const EpisodeAgent& agent : episode.other_agents)
+      if (!agent.sound.empty()) sounds.emplace(agent.sound, &episode);
+  }
+  return sounds;
+}
+
 SoundLibrary::SoundLibrary(std::span<const Episode> episodes, const std::string& sound_root, float sample_rate_hz, float gain) {
-  const auto open = [&](const std::string& name, const Episode& episode) {
-    if (sounds_.contains(name)) return;
+  for (const auto& [name, episode] : sounds_of(episodes)) {
     SoundClip clip;
     try {
       clip = open_sound(resolve_sound(name, sound_root), sample_rate_hz);
     } catch (const InputError& error) {
-      throw InputError("sound '" + name + "' of episode '" + episode.episode_id + "' in " + episode.scene_id, error.what(),
+      throw InputError("sound '" + name + "' of episode '" + episode->episode_id + "' in " + episode->scene_id, error.what(),
                        "set sound_root to the folder of the sounds");
     }
     for (float& sample : clip.samples) sample *= gain;
     sounds_.emplace(name, std::move(clip));
-  };
-  for (const Episode& episode : episodes) {
-    if (episode.sources.empty()) open(episode.sound, episode);
-    for (const EpisodeSource& source : episode.sources) open(source.sound, episode);
-    if (!episode.agent_sound.empty()) open(episode.agent_sound, episode);
-    for (const EpisodeAgent& agent : episode.other_agents)
-      if (!agent.sound.empty()) open(agent.sound, episode);
   }
 }
 

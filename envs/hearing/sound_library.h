@@ -30,6 +30,9 @@ class SoundLibrary {
   std::map<std::string, LibrarySound> sounds_;
 };
 
+/// The names of all sounds that the episodes play, each with the first episode that names it.
+std::map<std::string, const Episode*> sounds_of(std::span<const Episode> episodes);
+
 /// The argument of open_sound for a name in an episode: `synth:...` as it is; else a file under sound_root (.wav, .flac or .ogg added if it
 /// has no such ending), else the path itself.
 std::string resolve_sound(const std::string& name, const std::string& sound_root);
