@@ -223,17 +223,14 @@ class WallSurvey {
     const bool transmits = std::any_of(tau.begin(), tau.end(), [](float t) { return t > 0.f; });
     if (!transmits || num_tested_ >= kWallTests * num_begun) return;
     ++num_tested_;
-    const EmbreeScene& rays = surfaces_.scene().rays();
-    const WallCrossing crossing = cross_wall(surfaces_, direction, hit);
-    constexpr float off_m = 0.3f;
-    const Wall wall{hit.position + off_m * hit.normal, crossing.exit - off_m * hit.normal, -hit.normal};
-    const bool air_behind = rays.intersect(crossing.exit, direction).valid() && has_height(surfaces_, wall.far);
+    const Passage passage = pass(direction, hit);
     for (std::size_t band = 0; band < tau_of_tested_.size(); ++band) {
       tau_of_tested_[band] += tau[band];
-      if (air_behind) tau_of_inner_[band] += tau[band];
+      if (passage.leads_to_air) tau_of_inner_[band] += passed_[band];
     }
-    if (air_behind && walls_.size() * num_points_ < kMaxWalls * num_begun && is_room(surfaces_, wall.far) &&
-        is_room(surfaces_, wall.near) && rays.occluded(wall.near, wall.far))
+    const Wall wall{hit.position + kOffM * hit.normal, passage.far, -hit.normal};
+    if (passage.leads_to_room && walls_.size() * num_points_ < kMaxWalls * num_begun && is_room(surfaces_, wall.near) &&
+        surfaces_.scene().rays().occluded(wall.near, wall.far))
       walls_.push_back(wall);
   }
   /// Walls between two rooms.
@@ -246,8 +243,42 @@ class WallSurvey {
   }
 
  private:
+  /// What lies behind a wall.
+  struct Passage {
+    glm::vec3 far{0};  ///< off the far side
+    bool leads_to_air = false, leads_to_room = false;
+  };
+  static constexpr float kOffM = 0.3f;
+
+  /// Goes on through a second wall where the first one leads to no room: a wall may be two sheets with a cavity.  Leaves in passed_ what
+  /// goes through.
+  Passage pass(glm::vec3 direction, const Hit& hit) {
+    const EmbreeScene& rays = surfaces_.scene().rays();
+    Passage passage;
+    std::vector<float> through(tau_of_tested_.size(), 1.f);
+    Hit at = hit;
+    for (int wall = 1; wall <= 2; ++wall) {
+      const auto tau = surfaces_.transmission(surfaces_.scene().mesh().triangle_material[at.triangle]);
+      if (std::all_of(tau.begin(), tau.end(), [](float t) { return t <= 0.f; })) return passage;
+      const WallCrossing crossing = cross_wall(surfaces_, direction, at);
+      transmit(surfaces_, crossing, through);
+      const glm::vec3 far = crossing.exit - kOffM * hit.normal;
+      const Hit next = rays.intersect(crossing.exit, direction);
+      if (!next.valid()) return passage;
+      const bool leads_to_room = is_room(surfaces_, far);
+      if (leads_to_room || (wall == 1 && has_height(surfaces_, far))) {
+        passage = {far, true, leads_to_room};
+        passed_ = through;
+      }
+      if (leads_to_room) return passage;
+      at = next;
+    }
+    return passage;
+  }
+
   const AcousticSurfaces& surfaces_;
   std::size_t num_points_, num_tested_ = 0;
+  std::vector<float> passed_;                         ///< [band]
   std::vector<double> tau_of_tested_, tau_of_inner_;  ///< [band], sums
   std::vector<Wall> walls_;
 };

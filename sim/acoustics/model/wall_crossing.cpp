@@ -28,16 +28,20 @@ bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint3
          materials[a].speed_m_per_s == materials[b].speed_m_per_s;
 }
 
+bool is_solid(const AcousticSurfaces& surfaces, std::uint32_t material) {
+  return std::ranges::any_of(surfaces.damping_db_per_m(material), [](float damping) { return damping >= kSolidDampingDbPerM; });
+}
+
 /// The far face of the wall whose near face is `hit`, if the next face along the ray can be one.
-Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit) {
-  const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kMinCosine);
-  const Hit far = surfaces.scene().rays().intersect(start, direction, kMaxWallThicknessM / cosine);
-  if (!far.valid()) return {};
-  const bool enters = meets_front(surfaces, direction, hit.triangle), enters_again = meets_front(surfaces, direction, far.triangle);
-  if (enters == enters_again) return {};
+Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit, float reach_m) {
+  const bool enters = meets_front(surfaces, direction, hit.triangle);
+  const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kMinCosine), wall_m = kMaxWallThicknessM / cosine;
+  const bool solid = enters && is_solid(surfaces, surfaces.scene().mesh().triangle_material[hit.triangle]);
+  const Hit far = surfaces.scene().rays().intersect(start, direction, solid ? std::max(wall_m, reach_m) : wall_m);
+  if (!far.valid() || enters == meets_front(surfaces, direction, far.triangle)) return {};
   // Corners and ends of walls: in at the front, out at the side.  Only outward windings tell that the way between is inside.
   const bool parallel = std::fabs(glm::dot(far.normal, hit.normal)) >= kParallel;
-  if (!parallel && (!enters || far.distance_m > kMaxWallThicknessM)) return {};
+  if (!solid && !parallel && (!enters || far.distance_m > kMaxWallThicknessM)) return {};
   const auto& material = surfaces.scene().mesh().triangle_material;
   if (!same_material(surfaces, material[hit.triangle], material[far.triangle])) return {};
   return far;
@@ -47,13 +51,13 @@ glm::vec3 past(const Hit& hit) { return offset_from_surface(hit.position, -hit.n
 
 }  // namespace
 
-WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit) {
+WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit, float reach_m) {
   WallCrossing crossing{.exit = past(hit), .material = surfaces.scene().mesh().triangle_material[hit.triangle]};
-  const Hit far = find_far_face(surfaces, crossing.exit, direction, hit);
+  const Hit far = find_far_face(surfaces, crossing.exit, direction, hit, reach_m);
   if (!far.valid()) return crossing;
   const glm::vec3 exit = past(far);
   // Windings that point inward are either a wall turned inside out or the gap in front of a wall that begins here.
-  if (!meets_front(surfaces, direction, hit.triangle) && find_far_face(surfaces, exit, direction, far).valid()) return crossing;
+  if (!meets_front(surfaces, direction, hit.triangle) && find_far_face(surfaces, exit, direction, far, 0.f).valid()) return crossing;
   crossing.exit = exit;
   crossing.inside_m = glm::length(far.position - hit.position);
   crossing.thick = true;

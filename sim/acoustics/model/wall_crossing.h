@@ -5,14 +5,17 @@
 #include <cstdint>
 #include <glm/common.hpp>
 #include <glm/vec3.hpp>
+#include <limits>
 #include <span>
 
 #include "sim/acoustics/model/acoustic_surfaces.h"
 
 namespace earshot {
 
-/// Two faces further apart than this, measured across the wall, are two walls.
+/// Two faces further apart than this, measured across the wall, are two walls, unless their material is solid.
 inline constexpr float kMaxWallThicknessM = 0.6f;
+/// A material that damps sound by this much or more in one band fills all that lies between its outward faces.
+inline constexpr float kSolidDampingDbPerM = 1.f;
 
 /// Length of a segment to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on
 /// a wall is before it.  Four times the spacing of floats there.
@@ -35,10 +38,13 @@ struct WallCrossing {
 /// (docs/evidence/oracles.md, O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a
 /// material of the same name and coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across
 /// the wall, or, where the windings point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.
+/// Where the windings point outward and the material damps by kSolidDampingDbPerM, any distance within reach_m is inside, at any angle.
 /// Everything else is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point
 /// inward, from either side of the ray.  Triangles that coincide are passed together (docs/evidence/stability.md, H-5).  Cost: one ray, two
 /// for a wall whose windings point inward.
-WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit);
+/// reach_m: from the hit to where the ray ends; a point within two faces is in a room, not in a solid.
+WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, const Hit& hit,
+                        float reach_m = std::numeric_limits<float>::infinity());
 
 /// Multiplies `energy` [num_bands] by the fraction that passes: tau of the material once, times 10^(-damping * inside_m / 10).
 void transmit(const AcousticSurfaces& surfaces, const WallCrossing& crossing, std::span<float> energy);

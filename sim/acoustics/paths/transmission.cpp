@@ -46,7 +46,7 @@ bool collect_walls(const AcousticScene& scene, glm::vec3 from, glm::vec3 to, Wal
     const Hit hit = scene.scene().rays().intersect(point, direction, open_length_m(to, rest_m));
     if (!hit.valid()) return true;
     if (walls.count == scene.config().transmission_walls) return false;
-    WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit);
+    WallCrossing crossing = cross_wall(scene.surfaces(), direction, hit, rest_m - hit.distance_m);
     const bool ends_inside = glm::dot(to - crossing.exit, direction) <= 0;
     if (ends_inside && crossing.thick) crossing.inside_m = glm::length(to - hit.position);
     if (!add_wall(scene, crossing, walls)) return false;

@@ -141,7 +141,7 @@ bool pass_walls(const Trace& trace, RayState<W>& ray, glm::vec3 from, glm::vec3 
     if (!hit.valid()) return true;
     const std::uint32_t material = trace.scene.scene().mesh().triangle_material[hit.triangle];
     if (!trace.walls->transmits(material) || !roulette.goes_on(ray.arriving, trace.walls->transmitted(material))) return false;
-    const WallCrossing crossing = cross_wall(trace.scene.surfaces(), direction, hit);
+    const WallCrossing crossing = cross_wall(trace.scene.surfaces(), direction, hit, rest_m - hit.distance_m);
     if (glm::dot(to - crossing.exit, direction) <= 0) return false;
     transmit(trace.scene.surfaces(), crossing, std::span(ray.arriving, num_bands));
     path_m += extra_path_m(trace.scene.surfaces(), crossing);

@@ -13,6 +13,7 @@
 
 #include "sim/acoustics/model/wall_crossing.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "sim/base/random.h"
 #include "tests/support/acoustics/rooms.h"
 
 /// docs/evidence/oracles.md, O-22; docs/evidence/stability.md, H-5, H-69.  Free field with panels across the x axis; oracle: 1 / (4 pi r)
@@ -200,6 +201,47 @@ TEST(O22_Transmission, SlantedPathsAreLongerInside) {
   const double r = std::sqrt(8.0), free = 1 / (4 * std::numbers::pi * r);
   // The ray starts anew 256 roundings off the near face, 3e-5 m aside of the line: 1e-3 dB at 30 dB/m.
   EXPECT_NEAR(-20 * std::log10(arrivals[0].amplitude[0] / free), 30 * 0.2 * std::numbers::sqrt2, 1e-3);
+}
+
+// A material that damps fills what lies between its outward faces, however far apart and at whatever angle.
+TEST(O22_Transmission, ASolidDampsAtEveryThickness) {
+  for (std::uint32_t number = 0; number < 20; ++number) {
+    const RandomStream random(38, Purpose::test, number);
+    const double thickness_m = 0.05 + 3.5 * static_cast<double>(random.uniform(0)),
+                 tau = 0.01 + 0.9 * static_cast<double>(random.uniform(1));
+    const double damping = kSolidDampingDbPerM + 20 * static_cast<double>(random.uniform(2));
+    Material wall = wall_of(tau);
+    wall.damping_db_per_m = CoefficientCurve::constant(static_cast<float>(damping));
+    const AcousticScene scene(panels({{.at_m = 0.2, .thickness_m = thickness_m}}, {wall}), config());
+    const glm::vec3 from = kBefore, to = kBehind + glm::vec3(0, 2 * random.uniform(3), 2 * random.uniform(4));
+    const double length_m = glm::length(glm::dvec3(to - from)), inside_m = thickness_m * length_m / 5;
+    for (const auto& [source, listener] : {std::pair{from, to}, std::pair{to, from}}) {
+      const std::vector<Arrival> arrivals = transmitted(scene, source, listener);
+      ASSERT_EQ(arrivals.size(), 1u) << thickness_m;
+      EXPECT_EQ(arrivals[0].order, 1);
+      const double loss = -20 * std::log10(arrivals[0].amplitude[0] * 4 * std::numbers::pi * length_m);
+      EXPECT_NEAR(loss, -10 * std::log10(tau) + damping * inside_m, 2e-3) << thickness_m << " m of " << damping << " dB/m";
+    }
+  }
+}
+
+TEST(O22_Transmission, WhatHardlyDampsIsNoSolid) {
+  Material wall = wall_of(0.1);
+  wall.damping_db_per_m = CoefficientCurve::constant(0.99f * kSolidDampingDbPerM);
+  EXPECT_NEAR(loss_db({{.at_m = 1, .thickness_m = 0.61}}, wall), 20, 2 * kRoundingDb);
+  EXPECT_NEAR(loss_db({{.at_m = 1, .thickness_m = 0.59}}, wall), 10 + 0.59 * 0.99 * static_cast<double>(kSolidDampingDbPerM), 1e-4);
+}
+
+// A room whose walls are wound outward is not filled: who is in it hears one sheet, in both directions.
+TEST(O22_Transmission, ListenersBetweenOutwardFacesAreInARoom) {
+  Material wall = wall_of(0.1);
+  wall.damping_db_per_m = CoefficientCurve::constant(30);
+  const AcousticScene scene(panels({{.at_m = 0, .thickness_m = 6}}, {wall}), config());
+  for (const auto& [source, listener] : {std::pair{kBefore, kBehind}, std::pair{kBehind, kBefore}}) {
+    const std::vector<Arrival> arrivals = transmitted(scene, source, listener);
+    ASSERT_EQ(arrivals.size(), 1u);
+    EXPECT_NEAR(-20 * std::log10(arrivals[0].amplitude[0] * 4 * std::numbers::pi * 5), 10, kRoundingDb);
+  }
 }
 
 TEST(O22_Transmission, CrossingAsTheTracerSeesIt) {
