@@ -32,9 +32,9 @@ class Senses(BaseFeaturesExtractor):
 
     @staticmethod
     def network(rows: int, columns: int, channels: int, features: int) -> nn.Module:
-        layers = [nn.Conv2d(channels, 16, 3, 2), nn.ReLU(), nn.Conv2d(16, 32, 3, 2), nn.ReLU(), nn.Conv2d(32, 32, 3, 2), nn.ReLU(), nn.Flatten()]
-        size = nn.Sequential(*layers)(torch.zeros(1, channels, rows, columns)).shape[1]
-        return nn.Sequential(*layers, nn.Linear(size, features), nn.ReLU())
+        layers = [layer for c, filters in ((channels, 16), (16, 32), (32, 32)) for layer in (nn.Conv2d(c, filters, 3, 2), nn.ReLU())]
+        size = nn.Sequential(*layers, nn.Flatten())(torch.zeros(1, channels, rows, columns)).shape[1]
+        return nn.Sequential(*layers, nn.Flatten(), nn.Linear(size, features), nn.ReLU())
 
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
         return torch.cat([network(observations[name].permute(0, 3, 1, 2)) for name, network in self.networks.items()], 1)
@@ -42,6 +42,7 @@ class Senses(BaseFeaturesExtractor):
 
 class Report(BaseCallback):
     """A line per rollout; ends the training after so many minutes."""
+
     def __init__(self, minutes: float) -> None:
         super().__init__()
         self.begin, self.minutes = time.perf_counter(), minutes
@@ -60,7 +61,8 @@ def train(config: str, num_envs: int, minutes: float) -> PPO:
     envs = VecNormalize(EarshotVecEnv(config, num_envs, threads=0), norm_obs=False)
     envs.seed(1)
     rates: dict[str, Any] = {"n_steps": 64, "batch_size": 512, "n_epochs": 3, "learning_rate": 7e-4, "ent_coef": 0.01, "max_grad_norm": 1.0}
-    model = PPO("MultiInputPolicy", envs, seed=1, device="cpu", policy_kwargs={"features_extractor_class": Senses, "net_arch": [128]}, **rates)
+    senses: dict[str, Any] = {"features_extractor_class": Senses, "net_arch": [128]}
+    model = PPO("MultiInputPolicy", envs, seed=1, device="cpu", policy_kwargs=senses, **rates)
     with torch.no_grad():  # `stop` ends an episode: rare at first
         model.policy.action_net.bias[0] = -4.0
     model.learn(10**9, callback=Report(minutes))
@@ -69,12 +71,10 @@ def train(config: str, num_envs: int, minutes: float) -> PPO:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", default="earshot:train/quick")
     parser.add_argument("--minutes", type=float, default=15)
     parser.add_argument("--num-envs", type=int, default=16)
-    parser.add_argument("--save", help="where the trained policy goes (.zip)")
+    parser.add_argument("--save", default="sb3.zip", help="where the trained policy goes")
     args = parser.parse_args()
-    trained = train(args.config, args.num_envs, args.minutes)
-    if args.save:
-        trained.save(args.save)
+    train(args.config, args.num_envs, args.minutes).save(args.save)
