@@ -5,13 +5,16 @@ set -euo pipefail
 check=$1
 root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 
-new_tree() {  # one header per folder, one file that includes in order
-  rm -rf "$root/tree"
+make_tree() {  # one header per folder, one file that includes in order
+  local folders=()
   for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,head} sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
                 envs/{task,episodes,batch} include/earshot api api/{datasets,training} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board} tests; do
-    mkdir -p "$root/tree/$folder"
-    echo '#pragma once' > "$root/tree/$folder/a.h"
-    echo "# $folder" > "$root/tree/$folder/README.md"
+    folders+=("$root/tree/$folder")
+  done
+  mkdir -p "${folders[@]}"
+  for folder in "${folders[@]}"; do
+    echo '#pragma once' >"$folder/a.h"
+    echo '# what it holds' >"$folder/README.md"
   done
   echo '#include "sim/acoustics/core/a.h"' > "$root/tree/sim/acoustics/metrics/b.cpp"
 }
@@ -23,11 +26,14 @@ refuses() {
   if [ "$status" != 1 ] || ! grep -q '^layering: ' <<<"$said"; then echo "layering_test: $1: status $status: $said"; failures=1; fi
 }
 expect() {  # expect STATUS FILE INCLUDE: the tree with that line has that status
-  new_tree
-  echo "#include $3" >> "$root/tree/$2"
+  local file=$root/tree/$2 before=""
+  if [ -e "$file" ]; then before=$(<"$file"); fi
+  echo "#include $3" >>"$file"
   if [ "$1" = 1 ]; then refuses "$3 in $2"
   elif ! "$check" "$root/tree" >/dev/null; then echo "layering_test: $3 in $2 is refused"; failures=1; fi
+  if [ -n "$before" ]; then echo "$before" >"$file"; else rm "$file"; fi
 }
+make_tree
 expect 0 sim/acoustics/metrics/b.cpp '"sim/acoustics/synthesis/a.h"'
 expect 1 sim/acoustics/core/a.h '"sim/acoustics/geometry/a.h"'
 expect 1 sim/acoustics/model/a.h '"sim/acoustics/paths/a.h"'
@@ -73,13 +79,13 @@ expect 0 bench/questions/learner_a_bench.cpp '"policy/a.h"'
 expect 1 bench/questions/camera_bench.cpp '"policy/a.h"'
 expect 0 bench/questions/learner_a_bench.cpp '<torch/types.h>'
 expect 1 bench/questions/camera_bench.cpp '<torch/types.h>'
-new_tree
-for i in {1..35}; do touch "$root/tree/envs/task/file_$i.cpp"; done
+for i in {1..35}; do : >"$root/tree/envs/task/file_$i.cpp"; done
 refuses "a folder of 36 sources"
-new_tree
+rm "$root"/tree/envs/task/file_*.cpp
 awk 'BEGIN { for (i = 0; i < 501; i++) print "// a line" }' >"$root/tree/tests/a_test.cpp"
 refuses "a source of 501 lines"
-new_tree
-rm "$root/tree/envs/task/README.md"
+rm "$root/tree/tests/a_test.cpp" "$root/tree/envs/task/README.md"
 refuses "a folder without README.md"
+echo '# what it holds' >"$root/tree/envs/task/README.md"
+if ! "$check" "$root/tree" >/dev/null; then echo "layering_test: the tree in order is refused"; failures=1; fi
 exit "$failures"
