@@ -9,6 +9,7 @@
 #   all    full, the slow tests (label slow: statistics, launchers, sweeps, long benchmarks), the long ones (tests/long_tests*.txt,
 #          scripts among them), and all tests under the sanitizers, those of policy, learner and program too; notes date and
 #          commit in tests/slow_statistics.txt if the slow tests pass
+# The tests of the Python package and the documentation site keep one core busy: they run beside the builds for the sanitizers.
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
 # EARSHOT_JOBS: how many jobs at once (default: all cores).
 set -euo pipefail
@@ -22,9 +23,11 @@ build=ci left_out='^(slow|long)$' asan_targets=() tsan_targets=() sanitized="" f
 if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) tsan_targets=(--target thread_tests test_datasets_threads) sanitized=-all fuzz=(60) tidy=(); fi
 table=""
 failed=()
+beside=""
 results=$(mktemp -d)
 
 finish() {
+  if [ -n "$beside" ]; then kill -- "-$beside" 2>/dev/null || true; fi  # after an interrupt
   if [ -n "$table" ]; then printf '\n%s%-26s %5d s\n' "$table" "in all" "$SECONDS"; fi
   if compgen -G "$results/*.xml" >/dev/null; then scripts/summarize_tests.sh "$results"/*.xml; fi
   if [ -f "$results/python.log" ]; then echo "  python tests:"; tail -n 12 "$results/python.log" | sed 's/^/      /'; fi
@@ -41,6 +44,30 @@ stage() {
   if [ "$status" -ne 0 ]; then failed+=("$name"); fi
   table+=$(printf '%-26s %5d s%s' "$name" $((SECONDS - begin)) "$([ "$status" -eq 0 ] || echo '   FAILED')")$'\n'
   return "$status"
+}
+
+# beside FUNCTION: begins the stages of FUNCTION beside those that follow.  wait_beside waits for them, prints what they wrote, and takes their rows.
+beside() {
+  set -m  # a process group of its own
+  (
+    table="" failed=()
+    "$1" >"$results/beside.log" 2>&1
+    printf '%s' "$table" >"$results/beside.table"
+    printf '%s\n' "${failed[@]}" >"$results/beside.failed"
+  ) &
+  beside=$!
+  set +m
+}
+wait_beside() {
+  [ -n "$beside" ] || return 0
+  local status=0 names=()
+  wait "$beside" || status=$?
+  beside=""
+  cat "$results/beside.log"
+  if [ "$status" -ne 0 ]; then failed+=("beside"); return 0; fi  # ended without its rows
+  table+=$(sed 's/$/   beside the builds/' "$results/beside.table")$'\n'
+  mapfile -t names < <(grep . "$results/beside.failed" || true)
+  failed+=("${names[@]}")
 }
 
 # run_tests NAME PRESET [CTEST ARGUMENTS...]
@@ -108,25 +135,35 @@ test_python() {
   return "$status"
 }
 
+# One core each, for the most part.
+run_python_and_docs() {
+  stage "python tests" test_python || true
+  stage "docs" or_skipped scripts/docs.sh || true
+}
+
 run_full() {
+  local has_release="" has_asan="" has_tsan=""
   stage "format" or_skipped scripts/check_format.sh || true
   stage "tidy" or_skipped scripts/tidy.py "${tidy[@]}" || true
   if stage "release build" scripts/build.sh "$build"; then
     run_tests "release tests" release -LE "$left_out" || true
-    stage "python tests" test_python || true
-    stage "docs" or_skipped scripts/docs.sh || true
     if [ "$mode" = all ] && run_tests "slow tests" release -L slow; then
       printf 'The slow tests (scripts/test.sh all) last passed on %s at commit %s.\n' "$(date -u +%Y-%m-%d)" "$(git describe --always --abbrev=12 --dirty)" >"$record"
     fi
+    has_release=1
   fi
   if [ "$mode" = all ] && stage "asan training build" scripts/build.sh asan-ubsan-training; then
     run_tests "asan training tests" asan-ubsan-training || true
   fi
-  if stage "asan-ubsan build" scripts/build.sh asan-ubsan "${asan_targets[@]}"; then
+  if [ -n "$has_release" ]; then beside run_python_and_docs; fi
+  stage "asan-ubsan build" scripts/build.sh asan-ubsan "${asan_targets[@]}" && has_asan=1
+  stage "tsan build" scripts/build.sh tsan "${tsan_targets[@]}" && has_tsan=1
+  wait_beside
+  if [ -n "$has_asan" ]; then
     run_tests "asan-ubsan tests" "asan-ubsan$sanitized" || true
     stage "fuzzing" scripts/fuzz.sh "${fuzz[@]}" || true
   fi
-  stage "tsan build" scripts/build.sh tsan "${tsan_targets[@]}" && run_tests "tsan tests" "tsan$sanitized" || true
+  if [ -n "$has_tsan" ]; then run_tests "tsan tests" "tsan$sanitized" || true; fi
 }
 
 if [ "$mode" = quick ]; then
