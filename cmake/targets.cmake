@@ -46,7 +46,7 @@ endfunction()
 #                       (target thread_tests; test_datasets_threads, which alone links datasets, in `scripts/test.sh all`)
 #   other *_test.cpp    test_DIR, label `fast`
 # Those that tests/long_tests.txt names, and under a sanitizer tests/long_tests_address.txt or long_tests_thread.txt, have the label `long` too,
-# and run in `scripts/test.sh all` alone.
+# and run in `scripts/test.sh all` alone.  Those that tests/first_tests.txt names begin before the others.
 # Tests of code that parses outside files and messages, but for datasets, have the label `sanitized` (folders below): the address sanitizer
 # runs them in CI (target sanitized_tests), and all tests but slow ones and those of bench in `scripts/test.sh all`.  Those that include
 # libtorch, and those of the program, have the label `training`: they run under the address sanitizer in `scripts/test.sh all` (target
@@ -108,6 +108,10 @@ foreach(list IN LISTS lists)
   list(APPEND earshot_long_tests ${names})
 endforeach()
 
+# Those of all tests that begin before the others.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/first_tests.txt)
+file(STRINGS ${PROJECT_SOURCE_DIR}/tests/first_tests.txt earshot_first_tests REGEX "^[^#]")
+
 # earshot_test_program(TARGET DIR LABELS ALONE SOURCES... LIBS... PCH TARGET): one executable of earshot_tests.
 function(earshot_test_program target dir labels alone)
   cmake_parse_arguments(PARSE_ARGV 4 arg "" "PCH" "SOURCES;LIBS")
@@ -141,7 +145,10 @@ function(earshot_test_program target dir labels alone)
   endif()
   file(APPEND ${labels_file} "set(long_names \"${earshot_long_tests}\")\nforeach(name IN LISTS long_names)\n  set(long_tests \${${target}_TESTS})\n"
        "  list(FILTER long_tests INCLUDE REGEX \"\${name}\")\n  if(long_tests)\n"
-       "    set_tests_properties(\${long_tests} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n")
+       "    set_tests_properties(\${long_tests} PROPERTIES LABELS \"${labels};${dir};long\")\n  endif()\nendforeach()\n"
+       "set(first_names \"${earshot_first_tests}\")\nforeach(name IN LISTS first_names)\n  set(first_tests \${${target}_TESTS})\n"
+       "  list(FILTER first_tests INCLUDE REGEX \"\${name}\")\n  if(first_tests)\n"
+       "    set_tests_properties(\${first_tests} PROPERTIES COST 100)\n  endif()\nendforeach()\n")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels_file})
   if("threads" IN_LIST labels AND NOT dir STREQUAL "unit/datasets")
     add_dependencies(thread_tests ${target})
