@@ -11,13 +11,13 @@
 #          commit in tests/slow_statistics.txt if the slow tests pass
 # The tests of the Python package and the documentation site keep one core busy: they run beside the builds for the sanitizers.
 # Ends with the seconds of each stage, the number of tests, failures and skips, and the absent test data that caused skips.
-# EARSHOT_JOBS: how many jobs at once (default: all cores).
+# EARSHOT_JOBS: how many jobs at once (default: all cores, and of tests one more: many of them wait).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 mode=${1:-full}
 case $mode in full | quick | all) ;; *) echo "test.sh: unknown mode '$mode'; one of: full, quick, all" >&2; exit 2 ;; esac
-jobs=${EARSHOT_JOBS:-$(nproc)}
+jobs=${EARSHOT_JOBS:-$(($(nproc) + 1))}
 record=tests/slow_statistics.txt
 build=ci left_out='^(slow|long)$' asan_targets=() tsan_targets=() sanitized="" fuzz=(--quick 60) tidy=(--seconds 20)
 if [ "$mode" = all ]; then build=release left_out='^slow$' asan_targets=(--target all) tsan_targets=(--target thread_tests test_datasets_threads) sanitized=-all fuzz=(60) tidy=(); fi
