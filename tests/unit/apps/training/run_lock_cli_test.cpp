@@ -74,7 +74,8 @@ class RunLockCli : public RunCli {
   }
 };
 
-TEST_F(RunLockCli, EightSecondProcessesAreRefused) { expect_all_refused(8); }
+// One of each kind.
+TEST_F(RunLockCli, FiveSecondProcessesAreRefused) { expect_all_refused(5); }
 
 TEST_F(RunLockCli, AHundredSecondProcessesAreRefused) { expect_all_refused(100); }
 
