@@ -16,7 +16,7 @@ struct WordColor {
 };
 
 /// The first entry whose word occurs in the name decides: the narrower word stands first.
-constexpr std::array<WordColor, 44> kColors{{
+constexpr std::array<WordColor, 47> kColors{{
     {"tv_glass", {0.06f, 0.06f, 0.08f}},       {"glass", {0.62f, 0.76f, 0.82f}},       {"brick_painted", {0.80f, 0.74f, 0.68f}},
     {"brick", {0.62f, 0.32f, 0.25f}},          {"limestone", {0.78f, 0.74f, 0.64f}},   {"marble", {0.86f, 0.85f, 0.84f}},
     {"terrazzo", {0.72f, 0.69f, 0.66f}},       {"ceramic", {0.84f, 0.89f, 0.91f}},     {"concrete_painted", {0.75f, 0.78f, 0.78f}},
@@ -31,7 +31,8 @@ constexpr std::array<WordColor, 44> kColors{{
     {"blinds", {0.82f, 0.80f, 0.74f}},         {"steel", {0.63f, 0.66f, 0.69f}},       {"plant", {0.25f, 0.47f, 0.20f}},
     {"grass", {0.33f, 0.52f, 0.22f}},          {"water", {0.16f, 0.36f, 0.48f}},       {"gypsum", {0.88f, 0.85f, 0.78f}},
     {"plaster", {0.86f, 0.84f, 0.79f}},        {"lime_wash", {0.92f, 0.91f, 0.86f}},   {"foam", {0.30f, 0.30f, 0.32f}},
-    {"wool", {0.74f, 0.70f, 0.55f}},           {"default", {0.70f, 0.70f, 0.68f}},
+    {"wool", {0.74f, 0.70f, 0.55f}},           {"soil", {0.36f, 0.27f, 0.19f}},        {"gravel", {0.55f, 0.53f, 0.50f}},
+    {"snow", {0.93f, 0.95f, 0.97f}},           {"default", {0.70f, 0.70f, 0.68f}},
 }};
 
 float unit_of(std::uint64_t hash, unsigned byte) { return static_cast<float>(hash >> (8 * byte) & 0xFFu) / 255.f; }

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <complex>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -249,6 +250,29 @@ TEST(BuiltinMaterials, AreThePublishedRowsTheyName) {
     }
   }
   EXPECT_GE(compared, 35);
+}
+
+/// Absorption at random incidence of a locally reacting plane of this impedance over that of air (Kuttruff, Room Acoustics, eq. 2.42:
+/// Paris' integral in closed form).
+double random_incidence(std::complex<double> impedance) {
+  const double size = std::abs(impedance), angle = std::arg(impedance), cosine = std::cos(angle), sine = std::sin(angle);
+  const double turned = std::cos(2 * angle) / sine * std::atan2(size * sine, 1 + size * cosine);
+  return 8 / (size * size) * cosine * (size + turned - cosine * std::log(1 + 2 * size * cosine + size * size));
+}
+
+// Ground by Delany and Bazley with the flow resistivity that its row names, kPa s/m2.  The table has three decimals.
+TEST(BuiltinMaterials, GroundFollowsItsFlowResistivity) {
+  const MaterialDatabase database = MaterialDatabase::builtin();
+  for (const auto& [name, resistivity] : {std::pair{"soil", 200.0}, {"gravel", 500.0}, {"snow", 12.5}}) {
+    const Material& material = database.get(name, "");
+    EXPECT_THAT(material.source_of("absorption"), HasSubstr(fmt::format("flow resistivity {} kPa s/m2", resistivity)));
+    for (const float hz : {125.f, 250.f, 500.f, 1000.f, 2000.f, 4000.f}) {
+      const double ratio = static_cast<double>(hz) / resistivity;
+      const std::complex<double> impedance(1 + 9.08 * std::pow(ratio, -0.75), 11.9 * std::pow(ratio, -0.73));
+      EXPECT_NEAR(static_cast<double>(material.absorption.at(hz)), random_incidence(impedance), 0.0006) << name << ' ' << hz;
+    }
+  }
+  EXPECT_EQ(database.find_label("dirt")->name, "soil");
 }
 
 TEST(BuiltinMaterials, AreTheTableInTheDocuments) {
