@@ -36,8 +36,8 @@ glm::quat orientation_of(double heading_deg, double pitch_deg, double roll_deg) 
 void SourceOptions::add_to(CLI::App& command) {
   command
       .add_option("--source-pattern", patterns,
-                  "Directivity of sources: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file "
-                  "(JSON or YAML)")
+                  "Directivity of sources: omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a file: "
+                  "a balloon (JSON or YAML), SOFA (FreeFieldDirectivityTF) or CLF text")
       ->capture_default_str()
       ->delimiter(',');
   command.add_option("--source-heading", heading_deg, "Heading of sources in degrees, counter-clockwise from -z seen from above")

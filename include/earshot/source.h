@@ -24,7 +24,7 @@ std::vector<InputFile> files_of_channels(const std::string& channels);
 
 /// Pattern and size of a source.
 struct SourceOptions {
-  /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a balloon file (JSON or YAML).
+  /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a file: a balloon, SOFA or CLF text.
   std::string pattern = "omni";
   double heading_deg = 0, pitch_deg = 0;  ///< of its front; heading counter-clockwise from -z
   double radius_m = 0;                    ///< of the sphere that it fills, [0, 10]; 0: a point

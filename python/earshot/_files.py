@@ -12,6 +12,7 @@ from ._engine import InputError
 Files = list[tuple[str, int]]  #: name and hash of each
 
 _BALLOONS = (".json", ".yaml", ".yml")
+_MEASURED = (".sofa", ".tab", ".txt", ".clf", ".cf1", ".cf2")  #: in any case
 
 
 def channel_files(channels: str) -> Files:
@@ -21,7 +22,7 @@ def channel_files(channels: str) -> Files:
 
 def pattern_files(pattern: str) -> Files:
     """Of the pattern of a source."""
-    return channel_files(f"mono:{pattern}") if pattern.endswith(_BALLOONS) else []
+    return channel_files(f"mono:{pattern}") if pattern.endswith(_BALLOONS) or pattern.lower().endswith(_MEASURED) else []
 
 
 def with_absolute_path(text: str, files: Files) -> str:

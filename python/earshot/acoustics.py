@@ -345,8 +345,8 @@ class Scene:
         """Place a source in the scene.
 
         :param position: Position [3].
-        :param pattern: "omni", "subcardioid", "cardioid", "supercardioid", "hypercardioid", "dipole", "voice", or a balloon file (JSON or
-            YAML).  Its front points to ``heading_deg`` and ``pitch_deg``.
+        :param pattern: "omni", "subcardioid", "cardioid", "supercardioid", "hypercardioid", "dipole", "voice", or a file: a balloon
+            (JSON or YAML), SOFA (FreeFieldDirectivityTF) or CLF text.  Its front points to ``heading_deg`` and ``pitch_deg``.
         :param radius_m: Radius of a spherical source; 0 for a point.
         """
         where = "Scene.source"

@@ -22,8 +22,10 @@ class NetcdfFile {
   NetcdfFile& operator=(const NetcdfFile&) = delete;
 
   void add_attribute(const std::string& name, const std::string& text) { add_attribute(file_, name, text); }
-  void add_dimension(char name, std::size_t size);
   using Attributes = std::vector<std::pair<std::string, std::string>>;
+  void add_dimension(char name, std::size_t size);
+  /// A dimension with a variable of its name, of these values, as frequencies N.
+  void add_coordinate(char name, std::span<const double> values, const Attributes& attributes);
   /// dimensions: one letter each, added before.  deflate: compresses, one piece per index of the first dimension.
   void add_variable(const std::string& name, const std::string& dimensions, std::span<const double> values,
                     const Attributes& attributes = {}, bool deflate = false);
@@ -34,6 +36,8 @@ class NetcdfFile {
   [[noreturn]] void fail(const std::string& operation) const;
   hid_t checked(hid_t id, const std::string& operation) const;
   void add_attribute(hid_t object, const std::string& name, const std::string& text);
+  /// Creates the dataset of a dimension and makes it one, of this NAME.
+  void add_scale(char name, std::size_t size, hid_t type, const std::string& scale);
 
   struct Dimension {
     hid_t scale = H5I_INVALID_HID;

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/audio/head/measured_directivity.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/text_match.h"
 
 namespace earshot {
 namespace {
@@ -32,6 +34,13 @@ struct Named {
 constexpr std::array<Named, 6> kFirstOrder{
     {{"omni", 1.f}, {"subcardioid", 0.7f}, {"cardioid", 0.5f}, {"supercardioid", 0.37f}, {"hypercardioid", 0.25f}, {"dipole", 0.f}}};
 
+constexpr std::array<std::string_view, 5> kClfEndings{".tab", ".txt", ".clf", ".cf1", ".cf2"};
+constexpr std::array<std::string_view, 3> kBalloonEndings{".json", ".yaml", ".yml"};
+
+bool ends_with_one_of(std::string_view name, std::span<const std::string_view> endings) {
+  return std::ranges::any_of(endings, [&](std::string_view ending) { return name.ends_with(ending); });
+}
+
 }  // namespace
 
 std::shared_ptr<const Directivity> Directivity::first_order(float omni_weight) {
@@ -43,12 +52,19 @@ std::shared_ptr<const Directivity> Directivity::named(std::string_view name) {
   for (const Named& entry : kFirstOrder)
     if (entry.name == name) return first_order(entry.omni_weight);
   if (name == "voice") return voice();
-  if (is_file(name)) return balloon(std::filesystem::path(name));
+  const std::string folded = fold_case(name);
+  if (folded.ends_with(".sofa")) return sofa_directivity(std::filesystem::path(name));
+  if (ends_with_one_of(folded, kClfEndings)) return clf_directivity(std::filesystem::path(name));
+  if (ends_with_one_of(name, kBalloonEndings)) return balloon(std::filesystem::path(name));
   throw InputError("directivity '" + std::string(name) + "'", "is not a known pattern",
-                   "use omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice or a balloon file (.json, .yaml)");
+                   "use omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, a balloon file (.json, .yaml), SOFA "
+                   "(.sofa) or CLF text (.tab, .txt, .clf)");
 }
 
-bool Directivity::is_file(std::string_view name) { return name.ends_with(".json") || name.ends_with(".yaml") || name.ends_with(".yml"); }
+bool Directivity::is_file(std::string_view name) {
+  const std::string folded = fold_case(name);
+  return folded.ends_with(".sofa") || ends_with_one_of(folded, kClfEndings) || ends_with_one_of(name, kBalloonEndings);
+}
 
 BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz)
     : omni_weight_(pattern ? pattern->omni_weight() : 1.f), num_frequencies_(centre_hz.size()) {

@@ -44,9 +44,9 @@ class Directivity {
   static std::shared_ptr<const Directivity> balloon_from_text(std::string_view text, const std::string& where);
   /// All keys of such a file.
   static std::vector<ConfigKey> balloon_keys();
-  /// omni, subcardioid, cardioid, supercardioid, hypercardioid, dipole, voice, or a path that ends in .json, .yaml or .yml of a balloon.
+  /// omni to dipole, voice, or a path: a balloon (.json, .yaml, .yml), SOFA (.sofa) or CLF text (.tab, .txt, .clf, .cf1, .cf2).
   static std::shared_ptr<const Directivity> named(std::string_view name);
-  /// Whether named() takes the name as the path of a balloon.
+  /// Whether named() takes the name as the path of a file.
   static bool is_file(std::string_view name);
 };
 
