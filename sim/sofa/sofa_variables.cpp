@@ -63,8 +63,10 @@ std::string SofaVariable::shape() const {
 
 SofaFile::SofaFile(const std::filesystem::path& path) : where_(path.string()) {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are thrown, not printed
+  H5PLset_loading_state(0);                     // a file must not choose code that is loaded
   std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) throw refuse("is not a file that can be read");
+  if (!std::filesystem::exists(path, error)) throw InputError(where_, "no such file", "check the path");
+  if (!std::filesystem::is_regular_file(path, error)) throw refuse("is not a regular file");
   file_ = H5Fopen(where_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   if (file_ < 0) throw refuse("is not a SOFA file (HDF5), is damaged or cut short");
 }
