@@ -7,7 +7,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
                    and training over the folders below them; python over the public headers alone
   compat           over sim
   include          its own headers and the standard library; of the engine only sim/base/errors.h includes one (earshot/errors.h)
-  in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base
+  in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base, sofa on base and audio/measured
   in sim/base      its own files <- text <- process <- charts
   in sim/scene     mesh <- materials <- generators <- readers <- point_cloud <- its own files and annotations <- checks
   in sim/audio     transforms <- dry_sounds <- measured <- head <- stream
