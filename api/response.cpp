@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <memory>
 #include <numbers>
 
 #include "api/convert.h"
 #include "api/room_metrics.h"
 #include "api/source_model.h"
 #include "earshot/rir.h"
+#include "sim/acoustics/metrics/standard_errors.h"
 #include "sim/base/errors.h"
 
 namespace earshot::api {
@@ -64,6 +67,41 @@ LateEnergy Response::late() const {
 }
 
 Metrics Response::metrics() const { return metrics_of(earshot::measure(*model_->parts.acoustics, model_->response)); }
+
+Metrics Response::measure(const ParameterOptions& parameters) const {
+  ParameterRequest request = request_of(parameters);
+  request.lateral_axis = lateral_axis(model_->parts.candidates->source(), model_->listener);
+  return metrics_of(earshot::measure(*model_->parts.acoustics, model_->response, request));
+}
+
+Metrics Response::standard_errors(const ParameterOptions& parameters, const RenderOptions& ears) const {
+  const SourceParts& parts = model_->parts;
+  ParameterRequest request = request_of(parameters);
+  request.lateral_axis = lateral_axis(parts.candidates->source(), model_->listener);
+  RenderEars render_ears;
+  if (request.interaural) {
+    const ListenerOrientation orientation = orientation_of(ears.heading_deg, ears.pitch_deg, ears.roll_deg);
+    const std::uint64_t key = carrier_key(parts.acoustics->hash(), parts.candidates->source());
+    render_ears = [&, orientation, key, synthesizer = std::make_shared<RirSynthesizer>(model_->scene->tables("binaural", ears.hrtf))](
+                      const EnergyResponse& response, std::uint64_t carriers, earshot::Rir& rir) {
+      synthesizer->render(response, orientation, {key ^ (carriers * kCarrierStep), model_->listener}, rir);
+    };
+  }
+  MetricErrors errors = earshot::standard_errors(*parts.acoustics, *parts.candidates, parts.field.get(), model_->listener, model_->response,
+                                                 request, render_ears);
+  RoomMetrics found;
+  found.bands_hz = parts.acoustics->bands().centre_hz;
+  found.bands = std::move(errors.bands);
+  found.bands.resize(found.bands_hz.size());
+  for (std::size_t band = 0; band < std::min(errors.ears.size(), found.bands.size()); ++band) {
+    found.bands[band].iacc = errors.ears[band].iacc;
+    found.bands[band].iacc_early = errors.ears[band].iacc_early;
+    found.bands[band].iacc_late = errors.ears[band].iacc_late;
+  }
+  found.sti = errors.sti;
+  return metrics_of(found);
+}
+
 double Response::speed_of_sound_m_per_s() const { return static_cast<double>(model_->response.speed_of_sound_m_per_s); }
 double Response::ray_efficiency() const { return model_->response.stats.ray_efficiency(); }
 

@@ -9,4 +9,7 @@ namespace earshot::api {
 /// The same numbers, NaN for missing values.
 Metrics metrics_of(const RoomMetrics& metrics);
 
+/// @throws InputError for an unknown group or a bad ratio.
+ParameterRequest request_of(const ParameterOptions& parameters);
+
 }  // namespace earshot::api

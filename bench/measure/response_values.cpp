@@ -50,7 +50,7 @@ void add_energy(const HeardResponse& heard, ResponseValues& values) {
     const BandMetrics& band = heard.energy.bands[b];
     add_time(values.of(ErrorKind::t20), band.t20_s);
     add_time(values.of(ErrorKind::t30), band.t30_s);
-    add_time(values.of(ErrorKind::edt), band.edt_s);
+    add_time(values.of(ErrorKind::edt), band.edt_after_direct_s);
     add(values.of(ErrorKind::c50_db), band.c50_db);
     add(values.of(ErrorKind::drr_band_db), band.drr_db);
     add(values.of(ErrorKind::early_db), early_level_db(band));

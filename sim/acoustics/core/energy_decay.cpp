@@ -12,7 +12,6 @@ namespace earshot {
 namespace {
 
 constexpr double kSilent = -std::numeric_limits<double>::infinity();
-constexpr double kFreeField10m = 6.332573977646111e-5;  // 1 / (4 pi 10)^2, the reference of strength G
 
 double decibels(double ratio) { return ratio > 0 ? 10.0 * std::log10(ratio) : kSilent; }
 
@@ -90,6 +89,23 @@ MissingEnergy missing_energy(std::span<const double> energy, double bin_s, doubl
   return {decibels(std::min(at_end / rate_per_s, again) / total), true};
 }
 
+/// Decay time of the regression line through the points of a decay curve, one at the start of each bin, from 0 to -10 dB
+/// (ISO 3382-1:2009, A.2.2).  nullopt of fewer than three, and of a curve that falls from this range into silence.  whole: energy with the
+/// direct sound where it arrives.
+std::optional<double> early_decay_time(std::span<const double> whole, double bin_s) {
+  std::vector<double> left(whole.size());
+  energy_decay_curve(whole, left);
+  double count = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (std::size_t i = 0;; ++i) {
+    if (i == left.size() || !(left[i] > 0)) return std::nullopt;
+    const double level_db = decibels(left[i] / left[0]), time_s = static_cast<double>(i) * bin_s;
+    if (level_db < -10.0) break;
+    count += 1, x += time_s, y += level_db, xx += time_s * time_s, xy += time_s * level_db;
+  }
+  const double slope_db_per_s = count < 3 ? 0.0 : (count * xy - x * y) / (count * xx - x * x);
+  return slope_db_per_s < 0 ? std::optional(-60.0 / slope_db_per_s) : std::nullopt;
+}
+
 double energy_before(std::span<const double> energy, double bin_s, double limit_s) {
   double sum = 0;
   for (std::size_t i = 0; i < energy.size(); ++i) {
@@ -134,7 +150,11 @@ void energy_decay_curve(std::span<const double> energy, std::span<double> edc) {
   }
 }
 
-BandMetrics measure_band(std::span<const double> energy, double bin_s, double direct_energy) {
+double energy_between(std::span<const double> energy, double bin_s, double from_s, double to_s) {
+  return energy_before(energy, bin_s, to_s) - energy_before(energy, bin_s, from_s);
+}
+
+BandMetrics measure_band(std::span<const double> energy, double bin_s, double direct_energy, std::span<const double> whole) {
   BandMetrics metrics;
   std::vector<double> edc(energy.size());
   energy_decay_curve(energy, edc);
@@ -168,7 +188,14 @@ BandMetrics measure_band(std::span<const double> energy, double bin_s, double di
     if (!trusted(to_db)) return std::nullopt;
     return fit_decay_time(curve, from_db, to_db);
   };
-  metrics.edt_s = fit(foot_db, foot_db - 10.0);
+  metrics.edt_after_direct_s = fit(foot_db, foot_db - 10.0);
+  if (trusted(-10.0) && whole.empty()) {
+    std::vector<double> with_direct(energy.begin(), energy.end());
+    with_direct[0] += direct_energy;
+    metrics.edt_s = early_decay_time(with_direct, bin_s);
+  } else if (trusted(-10.0)) {
+    metrics.edt_s = early_decay_time(whole, bin_s);
+  }
   const double from_db = std::min(-5.0, foot_db);
   metrics.t20_s = fit(from_db, from_db - 20.0);
   metrics.t30_s = fit(from_db, from_db - 30.0);

@@ -20,15 +20,14 @@ using Complex = std::complex<float>;
 /// Points per sample at which the correlation is evaluated; a parabola through the largest finds the top between them.
 constexpr int kPointsPerSample = 4;
 
-std::vector<float> filtered(std::span<const float> samples, float sample_rate_hz, int band) {
+std::vector<float> filtered(std::span<const float> samples, float sample_rate_hz, const BandLayout& bands, int band, double half_width) {
   // Twice the length: zero-phase ringing before the start wraps to the end and is cut off.
   RealFft fft(next_power_of_two(static_cast<int>(std::max<std::size_t>(2 * samples.size(), 4))));
   std::vector<Complex> spectrum(static_cast<std::size_t>(fft.num_bins()));
   fft.forward(samples, spectrum);
-  const BandLayout bands = BandLayout::octaves(sample_rate_hz);
   for (std::size_t k = 0; k < spectrum.size(); ++k)
     spectrum[k] *= static_cast<float>(octave_gain(bands, band, static_cast<double>(k) * static_cast<double>(sample_rate_hz) / fft.size(),
-                                                  0.5 * static_cast<double>(sample_rate_hz)));
+                                                  0.5 * static_cast<double>(sample_rate_hz), half_width));
   std::vector<float> signal(static_cast<std::size_t>(fft.size()));
   fft.inverse(spectrum, signal);
   signal.resize(samples.size());
@@ -68,15 +67,20 @@ std::optional<double> largest_correlation(std::span<const float> left, std::span
 
 InterauralCorrelation interaural_correlation(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
                                              double direct_delay_s, int band) {
+  return interaural_correlation(left, right, sample_rate_hz, direct_delay_s, BandLayout::octaves(sample_rate_hz), band, 0.25);
+}
+
+InterauralCorrelation interaural_correlation(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
+                                             double direct_delay_s, const BandLayout& bands, int band, double half_width) {
   require(left.size() == right.size() && !left.empty(), "samples of the right ear", right.size(),
           "must be as many as of the left ear, and at least one");
   require(left.size() <= (std::size_t{1} << 21), "rir", left.size(), "is longer than 2^21 samples");
   require(direct_delay_s >= 0, "direct_delay_s", direct_delay_s, "must not be negative");
-  require(band >= -1 && band < BandLayout::octaves(sample_rate_hz).size(), "band", band, "must be -1 or an octave of this sample rate");
+  require(band >= -1 && band < bands.size(), "band", band, "must be -1 or a band of this sample rate");
   std::vector<float> of_left, of_right;
   if (band >= 0) {
-    of_left = filtered(left, sample_rate_hz, band);
-    of_right = filtered(right, sample_rate_hz, band);
+    of_left = filtered(left, sample_rate_hz, bands, band, half_width);
+    of_right = filtered(right, sample_rate_hz, bands, band, half_width);
     left = of_left, right = of_right;
   }
   const double rate = static_cast<double>(sample_rate_hz), size = static_cast<double>(left.size());

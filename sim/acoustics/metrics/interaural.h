@@ -4,6 +4,8 @@
 #include <optional>
 #include <span>
 
+#include "sim/acoustics/core/bands.h"
+
 namespace earshot {
 
 /// Interaural cross-correlation coefficients (ISO 3382-1:2009, annex B): the largest size of the normalised cross-correlation for lags
@@ -18,5 +20,8 @@ struct InterauralCorrelation {
 /// Lags are resolved to a hundredth of a sample, whatever the rate.
 InterauralCorrelation interaural_correlation(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
                                              double direct_delay_s, int band = -1);
+/// The same in a band of `bands`, whose filters have edges of twice half_width octaves (octave_filter.h).
+InterauralCorrelation interaural_correlation(std::span<const float> left, std::span<const float> right, float sample_rate_hz,
+                                             double direct_delay_s, const BandLayout& bands, int band, double half_width);
 
 }  // namespace earshot

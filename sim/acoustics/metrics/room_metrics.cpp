@@ -1,169 +1,98 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/metrics/room_metrics.h"
 
-#include <algorithm>
+#include <fmt/format.h>
+
 #include <cmath>
-#include <limits>
-#include <numbers>
+
+#include "sim/acoustics/metrics/response_series.h"
 
 namespace earshot {
 namespace {
 
-/// Adds `energy` spread evenly over [begin_s, begin_s + width_s) to a series of bins that starts at zero; earlier energy goes to bin 0.
-void add_spread(std::vector<double>& series, double bin_s, double begin_s, double width_s, double energy) {
-  const auto last = static_cast<double>(series.size());
-  const double from = begin_s / bin_s, to = (begin_s + width_s) / bin_s;
-  const double low = std::clamp(from, 0.0, last), high = std::clamp(to, 0.0, last);
-  if (from < 0) series[0] += energy * (std::min(to, 0.0) - from) / (to - from);
-  for (auto i = static_cast<std::size_t>(low); static_cast<double>(i) < high; ++i) {
-    const double overlap = std::min(high, static_cast<double>(i + 1)) - std::max(low, static_cast<double>(i));
-    series[i] += energy * overlap / (to - from);
-  }
-}
+/// Weights of the lateral parameters; null where a response does not have them.
+struct LateralWeights {
+  std::optional<AxisWeight> squared_cosine, cosine;
+};
 
-/// Energy of direct and diffracted sound together in a band from low_hz to high_hz, flat within it: sum over all pairs of a_i a_j times the
-/// band mean of cos(2 pi f t + p), t and p their differences in time and phase, which is cos(2 pi f_mid t + p) sinc(bandwidth t).
-double coherent_energy(std::span<const Arrival> arrivals, int band, double low_hz, double high_hz, double speed_m_per_s) {
-  const auto interferes = [](const Arrival& arrival) {
-    return arrival.kind == ArrivalKind::direct || arrival.kind == ArrivalKind::diffraction;
-  };
-  double sum = 0;
-  for (std::size_t i = 0; i < arrivals.size(); ++i) {
-    if (!interferes(arrivals[i])) continue;
-    const double amplitude = arrivals[i].amplitude[band];
-    sum += amplitude * amplitude;
-    for (std::size_t j = 0; j < i; ++j) {
-      if (!interferes(arrivals[j])) continue;
-      const double apart_s = (double{arrivals[i].distance_m} - arrivals[j].distance_m) / speed_m_per_s;
-      const double phase = double{arrivals[j].phase_rad[band]} - arrivals[i].phase_rad[band];
-      const double half_turns = std::numbers::pi * (high_hz - low_hz) * apart_s;
-      const double sinc = std::abs(half_turns) > 1e-6 ? std::sin(half_turns) / half_turns : 1.0;
-      sum += 2.0 * amplitude * arrivals[j].amplitude[band] * std::cos(std::numbers::pi * (low_hz + high_hz) * apart_s + phase) * sinc;
+LateralWeights lateral_weights(const ParameterRequest& request, const EnergyResponse& response, std::vector<MissingParameter>& missing) {
+  LateralWeights weights;
+  if (!request.lateral) return weights;
+  if (!request.lateral_axis) {
+    for (const char* key : {"j_lf", "j_lfc", "lg_db"})
+      missing.push_back({key, "needs a source that is not straight above or below the listener: its null points at the source"});
+    return weights;
+  }
+  const int coefficients = response.late.num_coefficients();
+  const auto weight_of = [&](AxisWeight::Kind kind, std::optional<AxisWeight>& weight, std::initializer_list<const char*> keys) {
+    const int order = AxisWeight::needed_order(kind);
+    if (response.late.num_bins() > 0 && coefficients < (order + 1) * (order + 1)) {
+      for (const char* key : keys) missing.push_back({key, fmt::format("needs harmonics of order {}: set sh_order={}", order, order)});
+      return;
     }
-  }
-  return std::max(sum, 0.0);
+    weight.emplace(kind, *request.lateral_axis, coefficients);
+  };
+  weight_of(AxisWeight::Kind::squared_cosine, weights.squared_cosine, {"j_lf", "lg_db"});
+  weight_of(AxisWeight::Kind::cosine, weights.cosine, {"j_lfc"});
+  return weights;
 }
 
-/// Fraction of diffracted sound that belongs to the direct sound: all within 1.5 ms, none after the 2.5 ms that count as direct in a RIR.
-double direct_fraction(double after_s) {
-  const double x = std::clamp((after_s - 1.5e-3) / 1e-3, 0.0, 1.0);
-  return 0.5 + 0.5 * std::cos(std::numbers::pi * x);
-}
-
-bool has_kind(std::span<const Arrival> arrivals, ArrivalKind kind) {
-  return std::any_of(arrivals.begin(), arrivals.end(), [&](const Arrival& arrival) { return arrival.kind == kind; });
-}
-
-/// Begin of the first late bin with energy; infinity if there is none.
-double first_late_s(const EnergyHistogram& late) {
-  for (int bin = 0; bin < late.num_bins(); ++bin) {
-    double energy = 0;
-    for (int band = 0; band < late.num_bands(); ++band) energy += late.energy(bin, band);
-    if (energy > 0) return bin * double{late.bin_s()};
+void check_stage(const EnergyResponse& response, const TimeZero& zero, double length_s, std::vector<MissingParameter>& missing) {
+  if (!zero.has_direct) {
+    for (const char* key : {"st_early_db", "st_late_db"}) missing.push_back({key, "needs a line of sight between source and listener"});
+    return;
   }
-  return std::numeric_limits<double>::infinity();
-}
-
-/// Time zero of a response, and the times of its arrivals from there on.
-struct TimeZero {
-  TimeZero(const EnergyResponse& response, double speed)
-      : speed_m_per_s(speed),
-        has_direct(has_kind(response.arrivals, ArrivalKind::direct)),
-        has_diffraction(has_kind(response.arrivals, ArrivalKind::diffraction)) {
-    // The first arrival of any kind: rounding may put sound diffracted on the shadow boundary before the direct sound.
-    if (!response.arrivals.empty()) start_s = response.arrivals.front().distance_m / speed;
-    if (!has_direct) start_s = std::min(start_s, first_late_s(response.late));
-  }
-  [[nodiscard]] double after_s(const Arrival& arrival) const { return arrival.distance_m / speed_m_per_s - start_s; }
-  /// Fraction of a diffracted arrival that does not belong to the direct sound.
-  [[nodiscard]] double reverberant_fraction(const Arrival& arrival) const {
-    return has_direct ? 1.0 - direct_fraction(after_s(arrival)) : 1.0;
-  }
-
-  double speed_m_per_s;
-  bool has_direct, has_diffraction;
-  double start_s = std::numeric_limits<double>::infinity();  ///< infinity: silence
-};
-
-/// Direct sound of one band with what diffraction adds to it.
-struct FirstSound {
-  double direct = 0;               ///< energy
-  double diffracted_fraction = 1;  ///< of its own energy that diffracted sound has where there is no direct sound
-};
-
-/// Interference of all paths with diffraction goes to the direct sound, or to the diffracted sound if there is none.
-FirstSound first_sound(const TimeZero& zero, std::span<const Arrival> arrivals, const BandLayout& bands, int band) {
-  FirstSound first;
-  if (!zero.has_diffraction) {
-    for (const Arrival& arrival : arrivals)
-      if (arrival.kind == ArrivalKind::direct) first.direct += double{arrival.amplitude[band]} * arrival.amplitude[band];
-    return first;
-  }
-  const double together = coherent_energy(arrivals, band, bands.edge_hz[band], bands.edge_hz[band + 1], zero.speed_m_per_s);
-  double apart = 0;
-  for (const Arrival& arrival : arrivals) {
-    if (arrival.kind != ArrivalKind::diffraction) continue;
-    apart += zero.reverberant_fraction(arrival) * arrival.amplitude[band] * arrival.amplitude[band];
-  }
-  if (zero.has_direct)
-    first.direct = std::max(together - apart, 0.0);
-  else if (apart > 0)
-    first.diffracted_fraction = together / apart;
-  return first;
-}
-
-/// Bins of about a millisecond from time zero on.
-struct SeriesBins {
-  double bin_s;
-  std::size_t count;
-};
-SeriesBins series_bins(double late_bin_s, double length_s) {
-  const int parts = std::max(1, static_cast<int>(std::ceil(late_bin_s / 1e-3 - 1e-6)));
-  const double bin_s = late_bin_s / parts;
-  return {bin_s, static_cast<std::size_t>(std::max(1.0, std::ceil(length_s / bin_s)))};
-}
-
-/// Energy of one band over time without the direct sound; a late bin is spread evenly over its width.
-std::vector<double> reverberant_series(const EnergyResponse& response, const TimeZero& zero, int band, double diffracted_fraction,
-                                       const SeriesBins& bins) {
-  std::vector<double> series(bins.count, 0.0);
   for (const Arrival& arrival : response.arrivals) {
-    if (arrival.kind == ArrivalKind::direct) continue;
-    double energy = double{arrival.amplitude[band]} * arrival.amplitude[band];
-    if (arrival.kind == ArrivalKind::diffraction) energy *= zero.has_direct ? zero.reverberant_fraction(arrival) : diffracted_fraction;
-    const double position = zero.after_s(arrival) / bins.bin_s;
-    if (position < static_cast<double>(bins.count)) series[static_cast<std::size_t>(std::max(position, 0.0))] += energy;
+    if (arrival.kind != ArrivalKind::direct) continue;
+    add_missing_stage(double{arrival.distance_m}, length_s, missing);
+    return;
   }
-  const double late_bin_s = response.late.bin_s();
-  for (int bin = 0; bin < response.late.num_bins(); ++bin) {
-    const double energy = response.late.energy(bin, band);
-    if (energy > 0) add_spread(series, bins.bin_s, bin * late_bin_s - zero.start_s, late_bin_s, energy);
-  }
-  return series;
 }
 
 }  // namespace
 
-RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response) {
+RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response, const ParameterRequest& request) {
   RoomMetrics metrics;
   metrics.bands_hz = scene.bands().centre_hz;
   const TimeZero zero(response, scene.speed_of_sound_m_per_s());
   if (zero.has_direct) metrics.direct_delay_s = zero.start_s;
   metrics.bands.resize(scene.num_bands());
   if (!std::isfinite(zero.start_s)) return metrics;  // silence
+  metrics.first_arrival_s = zero.start_s;
 
-  const SeriesBins bins = series_bins(response.late.bin_s(), scene.config().rir_length_s - zero.start_s);
+  const double length_s = scene.config().rir_length_s - zero.start_s;
+  const SeriesBins bins = series_bins(response.late.bin_s(), length_s);
+  const LateralWeights weights = lateral_weights(request, response, metrics.missing);
+  if (request.stage) check_stage(response, zero, length_s, metrics.missing);
+  std::vector<std::vector<double>> after_direct;
+  std::vector<double> direct;
   double direct_sum = 0, reverberant_sum = 0, bandwidth_sum = 0;
   for (int band = 0; band < scene.num_bands(); ++band) {
     const FirstSound first = first_sound(zero, response.arrivals, scene.bands(), band);
-    const std::vector<double> series = reverberant_series(response, zero, band, first.diffracted_fraction, bins);
-    metrics.bands[band] = measure_band(series, bins.bin_s, first.direct);
+    std::vector<double> series = reverberant_series(response, zero, band, first.diffracted_fraction, bins);
+    BandMetrics& of_band = metrics.bands[band];
+    of_band = measure_band(series, bins.bin_s, first.direct);
+    const BandEnergy all{series, bins.bin_s, first.direct};
+    const auto lateral = [&](const AxisWeight& weight) {
+      return reverberant_series(response, zero, band, first.diffracted_fraction, bins, &weight);
+    };
+    if (weights.squared_cosine) {
+      const std::vector<double> squared = lateral(*weights.squared_cosine);
+      of_band.j_lf = lateral_fraction(squared, all);
+      of_band.lg_db = late_lateral_strength_db(squared, bins.bin_s, kFreeField10m);
+    }
+    if (weights.cosine) of_band.j_lfc = lateral_fraction(lateral(*weights.cosine), all);
+    if (request.stage && !is_missing(metrics.missing, "st_early_db")) add_stage_support(all, of_band);
+    if (is_missing(metrics.missing, "st_late_db")) of_band.st_late_db.reset();
 
     const double bandwidth = scene.bands().edge_hz[band + 1] - scene.bands().edge_hz[band];
     direct_sum += bandwidth * first.direct;
     for (const double energy : series) reverberant_sum += bandwidth * energy;
     bandwidth_sum += bandwidth;
+    if (request.speech) after_direct.push_back(std::move(series)), direct.push_back(first.direct);
   }
+  if (request.speech)
+    metrics.sti = add_speech_transmission(request, metrics.bands_hz, after_direct, direct, bins.bin_s, metrics.bands, metrics.missing);
   metrics.drr_db = level_ratio_db(direct_sum, reverberant_sum);
   if (zero.has_direct) metrics.direct_amplitude = std::sqrt(direct_sum / bandwidth_sum);
   return metrics;

@@ -3,11 +3,16 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
+#include "tests/support/acoustics/decay.h"
+#include "tests/support/acoustics/image_sum.h"
 
 namespace earshot {
 namespace {
@@ -64,23 +69,80 @@ TEST(RoomMetrics, DirectSoundBeforeTheDecayO25) {
                          Row{0.5, -5, 6.2737, 10.4156, 0.80916, 27.4962}, Row{1.0, 0, 4.7575, 7.0242, 0.74941, 36.1912},
                          Row{1.0, -10, 0.7729, 3.6585, 0.54438, 65.8022}}) {
     const BandMetrics m = measure_band(exponential(row.t60_s, 0.001, 1.5 * row.t60_s), 0.001, std::pow(10, row.drr_db / 10));
-    ASSERT_TRUE(m.edt_s && m.t20_s && m.t30_s && m.drr_db);
+    ASSERT_TRUE(m.edt_after_direct_s && m.t20_s && m.t30_s && m.drr_db);
     EXPECT_NEAR(*m.drr_db, row.drr_db, 1e-6);
     EXPECT_NEAR(*m.c50_db, row.c50, 2e-4);
     EXPECT_NEAR(*m.c80_db, row.c80, 2e-4);
     EXPECT_NEAR(*m.d50, row.d50, 1e-5);
     EXPECT_NEAR(1e3 * *m.ts_s, row.ts_ms, 0.01);
-    for (const auto& t : {m.edt_s, m.t20_s, m.t30_s}) EXPECT_NEAR(*t, row.t60_s, 1e-5 * row.t60_s);
+    for (const auto& t : {m.edt_after_direct_s, m.t20_s, m.t30_s}) EXPECT_NEAR(*t, row.t60_s, 1e-5 * row.t60_s);
   }
 }
 
 TEST(RoomMetrics, CoarseBinsChangeNothing) {
   for (const double bin_s : {0.0005, 0.002, 0.004, 0.01}) {
     const BandMetrics m = measure_band(exponential(0.4, bin_s, 0.6), bin_s, 0.1);
-    ASSERT_TRUE(m.edt_s && m.t20_s && m.t30_s);
-    EXPECT_NEAR(*m.edt_s, 0.4, 1e-5);
+    ASSERT_TRUE(m.edt_after_direct_s && m.t20_s && m.t30_s);
+    EXPECT_NEAR(*m.edt_after_direct_s, 0.4, 1e-5);
     EXPECT_NEAR(*m.t20_s, 0.4, 1e-5);
     EXPECT_NEAR(*m.t30_s, 0.4, 1e-5);
+  }
+}
+
+/// Least squares over samples of the decay curve 1 ms apart from 0 to -10 dB, direct sound included (ISO 3382-1:2009, A.2.2).
+double regression_edt_s(std::vector<double> energy, double direct_energy) {
+  energy[0] += direct_energy;
+  return decay::time_s(energy, 0.001, 0, -10);
+}
+
+// A step of 0.6 to 6.2 dB and an exponential behind it: the line through the step is up to a third steeper than the decay.
+TEST(RoomMetrics, EarlyDecayTimeIncludesTheDirectStepO25) {
+  const RandomStream random(38, Purpose::test, 1);
+  double largest = 0;
+  for (std::uint32_t draw = 0; draw < 20; ++draw) {
+    const double t60_s = 0.5 + 2.0 * static_cast<double>(random.uniform(2 * draw));
+    const double drr_db = -8 + 13.0 * static_cast<double>(random.uniform(2 * draw + 1)), direct = std::pow(10, drr_db / 10);
+    const std::vector<double> energy = exponential(t60_s, 0.001, 1.5 * t60_s);
+    const BandMetrics m = measure_band(energy, 0.001, direct);
+    ASSERT_TRUE(m.edt_s && m.edt_after_direct_s);
+    const double expected_s = regression_edt_s(energy, direct);
+    EXPECT_NEAR(*m.edt_s / expected_s, 1, 1e-6) << t60_s << " s, " << drr_db << " dB";
+    EXPECT_NEAR(*m.edt_after_direct_s, t60_s, 1e-5 * t60_s);
+    largest = std::max(largest, *m.edt_after_direct_s / *m.edt_s);
+  }
+  EXPECT_GT(largest, 1.08) << "the test sees the difference";
+  // 10.4 dB of step: nothing is left of the first 10 dB.
+  EXPECT_FALSE(measure_band(exponential(1.0, 0.001, 1.5), 0.001, 10).edt_s);
+}
+
+// Near a source the first reflections come in a burst and the rest falls slowly: 5 dB of step, 5 dB in 20 ms, then 60 dB in a second.
+TEST(RoomMetrics, EarlyDecayTimeNearASource) {
+  std::vector<double> energy(1500, 0.0);
+  double left = std::pow(10, -0.5);
+  for (std::size_t i = 0; i < energy.size(); ++i) {
+    const double next = left * std::pow(10, i < 20 ? -0.025 : -0.006);
+    energy[i] = left - next;
+    left = next;
+  }
+  const BandMetrics m = measure_band(energy, 0.001, 1 - std::pow(10, -0.5));
+  ASSERT_TRUE(m.edt_s && m.edt_after_direct_s);
+  EXPECT_NEAR(*m.edt_s, regression_edt_s(energy, 1 - std::pow(10, -0.5)), 0.1 * *m.edt_s);  // a sample at -10 dB is in or out
+  EXPECT_GT(*m.edt_after_direct_s, 2 * *m.edt_s) << "the first 10 dB below the step reach into the slow decay";
+}
+
+// All images of SHOE-1 from the direct arrival on in bins of 1 ms: the row EDT of O-4.
+TEST(RoomMetrics, EarlyDecayTimeOfABoxOfMirrorsO4) {
+  constexpr double kFineS = 1e-5;
+  const double distance_m = std::sqrt(2.6 * 2.6 + 0.8 * 0.8 + 0.5 * 0.5);
+  const auto first = static_cast<std::size_t>(distance_m / 343.0 / kFineS);
+  for (const auto& [absorption, edt_s] : {std::pair(0.1, 1.0223), std::pair(0.2, 0.47944), std::pair(0.5, 0.13595)}) {
+    const std::vector<double> fine = image_sum::energy_series({5, 4, 3}, absorption, {1.2, 1.5, 1.1}, {3.8, 2.3, 1.6}, kFineS, 0.9);
+    std::vector<double> energy(850, 0.0);
+    for (std::size_t i = first + 1; i < fine.size(); ++i)
+      if ((i - first) / 100 < energy.size()) energy[(i - first) / 100] += fine[i];
+    const BandMetrics m = measure_band(energy, 0.001, fine[first]);
+    ASSERT_TRUE(m.edt_s.has_value()) << absorption;
+    EXPECT_NEAR(*m.edt_s / edt_s, 1, 0.02) << absorption;
   }
 }
 

@@ -39,8 +39,8 @@ TEST(RoomMetrics, TimeZeroIsTheDirectArrival) {
   EXPECT_NEAR(*metrics.drr_db, 0.0, 0.01);
   EXPECT_NEAR(*m.drr_db, 0.0, 0.01);
   EXPECT_NEAR(*m.t30_s, t60_s, 0.002 * t60_s);
-  EXPECT_NEAR(*m.edt_s, t60_s, 0.02 * t60_s);  // the 4 ms bins round off the start
-  EXPECT_NEAR(*m.d50, 0.95, 0.002);            // (1 + 0.9) / 2
+  EXPECT_NEAR(*m.edt_after_direct_s, t60_s, 0.02 * t60_s);  // the 4 ms bins round off the start
+  EXPECT_NEAR(*m.d50, 0.95, 0.002);                         // (1 + 0.9) / 2
   EXPECT_NEAR(1e3 * *m.ts_s, 21.7147 / 2, 0.1);
 }
 

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/acoustics/metrics/standard_errors.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "sim/acoustics/core/jackknife.h"
+#include "sim/acoustics/metrics/band_metric_keys.h"
+#include "sim/acoustics/metrics/late_errors.h"
+#include "sim/acoustics/source_field/source_field.h"
+
+namespace earshot {
+namespace {
+
+using BandValue = std::optional<double> BandMetrics::*;
+using BandDraws = std::vector<std::vector<BandMetrics>>;  ///< [draw][band]
+
+constexpr int kRepetitions = 8;
+constexpr std::array<BandValue, 3> kInteraural{&BandMetrics::iacc, &BandMetrics::iacc_early, &BandMetrics::iacc_late};
+
+/// Of the mean of values; nullopt of fewer than two.
+std::optional<double> stated_error(const std::vector<double>& values) {
+  const std::optional<double> error = error_of_mean(values);
+  return error ? std::optional(*error * student_factor(static_cast<double>(values.size()) - 1)) : std::nullopt;
+}
+
+/// Scaled by `factor`: 1 for the mean of the draws, sqrt(kRepetitions) for one of them.
+std::optional<double> error_of_draws(const BandDraws& draws, std::size_t band, BandValue value, double factor) {
+  std::vector<double> values;
+  for (const std::vector<BandMetrics>& draw : draws)
+    if (draw[band].*value) values.push_back(*(draw[band].*value));
+  const std::optional<double> error = stated_error(values);
+  return error ? std::optional(*error * factor) : std::nullopt;
+}
+
+/// Repeats the trace with `rays` and visits each.
+void repeat_trace(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener, int rays,
+                  const std::function<void(const AcousticScene&, const EnergyResponse&)>& visit) {
+  for (int i = 1; i <= kRepetitions; ++i) {
+    const AcousticScene scene = acoustics.with_rays(rays, acoustics.config().seed + kCarrierStep * static_cast<std::uint64_t>(i));
+    EnergyResponse response;
+    compute_energy_response(scene, candidates, listener, response);
+    visit(scene, response);
+  }
+}
+
+/// Noise of the photons: their relative error of T20, a mean over bands and places.
+MetricErrors errors_of_field(const AcousticScene& acoustics, const SourceField& field, const EnergyResponse& response) {
+  MetricErrors errors;
+  for (const BandMetrics& band : measure(acoustics, response).bands) {
+    BandMetrics& error = errors.bands.emplace_back();
+    if (band.rt60_s) error.rt60_s = *band.rt60_s * field.t20_error();
+    if (band.t20_s) error.t20_s = *band.t20_s * field.t20_error();
+  }
+  return errors;
+}
+
+std::vector<BandMetrics> errors_of_batches(const std::vector<BandErrors>& batches) {
+  std::vector<BandMetrics> errors;
+  for (const BandErrors& of_band : batches) {
+    BandMetrics& error = errors.emplace_back();
+    error.rt60_s = of_band.t30_error_s ? of_band.t30_error_s : of_band.t20_error_s;
+    for (const ErrorEntry& entry : kErrorEntries) error.*entry.value = of_band.*entry.error;
+  }
+  return errors;
+}
+
+/// Correlations of the ears of a response.
+std::vector<BandMetrics> correlations(const Rir& ears, double delay_s) { return measure(ears, delay_s).bands; }
+
+/// Errors of IACC: of the mean of repeated traces, in quadrature with the spread of one set of carriers.
+std::vector<BandMetrics> interaural_errors(const EnergyResponse& response, double delay_s, const RenderEars& render_ears,
+                                           const BandDraws& traced, double factor) {
+  BandDraws carried;
+  Rir ears;
+  for (std::uint64_t carriers = 1; carriers <= kRepetitions; ++carriers) {
+    render_ears(response, carriers, ears);
+    carried.push_back(correlations(ears, delay_s));
+  }
+  std::vector<BandMetrics> errors(carried[0].size());
+  for (std::size_t band = 0; band < errors.size(); ++band)
+    for (const BandValue value : kInteraural) {
+      const std::optional<double> of_trace = error_of_draws(traced, band, value, factor),
+                                  of_carriers = error_of_draws(carried, band, value, std::sqrt(double{kRepetitions}));
+      if (of_trace && of_carriers) errors[band].*value = std::hypot(*of_trace, *of_carriers);
+    }
+  return errors;
+}
+
+}  // namespace
+
+MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
+                             glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request,
+                             const RenderEars& render_ears) {
+  if (field != nullptr) return errors_of_field(acoustics, *field, response);
+  MetricErrors errors{.bands = errors_of_batches(late_errors(acoustics, response)), .ears = {}, .sti = std::nullopt};
+  const bool has_batches = !errors.bands.empty();
+  if ((has_batches && !request.any()) || acoustics.config().rays < kRepetitions || acoustics.config().late == Switch::off) return errors;
+
+  const bool with_ears = request.interaural && render_ears;
+  const double delay_s = measure(acoustics, response).first_arrival_s.value_or(0.0);
+  BandDraws repeated, traced;
+  std::vector<double> sti;
+  // A bidirectional trace has rays from the source too, which no part of its rays from the listener tells of: it is repeated whole.
+  const int rays = acoustics.config().rays / (has_batches ? 1 : kRepetitions);
+  const double factor = has_batches ? std::sqrt(double{kRepetitions}) : 1.0;
+  repeat_trace(acoustics, candidates, listener, rays, [&](const AcousticScene& scene, const EnergyResponse& of_part) {
+    RoomMetrics metrics = measure(scene, of_part, request);
+    repeated.push_back(std::move(metrics.bands));
+    if (metrics.sti) sti.push_back(*metrics.sti);
+    if (!with_ears) return;
+    Rir ears;
+    render_ears(of_part, 0, ears);
+    traced.push_back(correlations(ears, delay_s));
+  });
+  errors.sti = stated_error(sti);
+  if (errors.sti) *errors.sti *= factor;
+  errors.bands.resize(repeated[0].size());
+  for (std::size_t band = 0; band < errors.bands.size(); ++band) {
+    const auto set = [&](BandValue value) { errors.bands[band].*value = error_of_draws(repeated, band, value, factor); };
+    if (!has_batches) {
+      set(&BandMetrics::rt60_s);
+      for (const ErrorEntry& entry : kErrorEntries) set(entry.value);
+    }
+    for (const RequestedMetricKey& entry : kRequestedMetricKeys)
+      if (request.*entry.group) set(entry.value);
+  }
+  if (with_ears) errors.ears = interaural_errors(response, delay_s, render_ears, traced, factor);
+  return errors;
+}
+
+}  // namespace earshot

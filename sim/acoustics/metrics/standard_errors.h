@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/paths/early_reflections.h"
+
+namespace earshot {
+
+class SourceField;
+
+/// Standard errors of parameters, each in the field of the parameter itself and in its unit; nullopt where it is not known.  Twice an error
+/// covers 95 % of seeds.
+struct MetricErrors {
+  /// Of the energy response, of rt60_s, the statistics of kErrorEntries and what was asked for.  Empty with too few rays and without a late
+  /// field.
+  std::vector<BandMetrics> bands;
+  std::vector<BandMetrics> ears;  ///< octaves of the rendered ears: iacc, iacc_early, iacc_late; empty where not asked for
+  std::optional<double> sti;
+};
+
+/// Between the keys of sets of carriers.
+inline constexpr std::uint64_t kCarrierStep = 0x9E3779B97F4A7C15ull;
+/// Renders both ears of a response; carriers: number of the noise that its late field rides on, 0 as in the response itself.
+using RenderEars = std::function<void(const EnergyResponse& response, std::uint64_t carriers, Rir& ears)>;
+
+/// From the batches of a bidirectional response (late_errors.h); otherwise by repetition: eight traces with an eighth of the rays and seeds
+/// of their own, whose mean spreads as one trace with all rays.  A trace from the listener does not have eight independent parts: up to 256
+/// rays are weighed against each other (population_control.h), which leaves four such populations of the preset `balanced`, and all rays
+/// follow one sequence of directions (SphereSequence).
+/// With the late field gathered from `field`: of rt60_s and t20_s alone, by its own estimate.
+/// The parameters of `request` are by repetition, of a bidirectional trace eight times with all of its rays; with a field they have no
+/// error.  render_ears: with request.interaural, null where there are no ears: IACC also has the noise of its carriers, found from eight
+/// others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace (bidirectional, with a
+/// request: eight); with `interaural` 16 renders.
+MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
+                             glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request = {},
+                             const RenderEars& render_ears = {});
+
+}  // namespace earshot
