@@ -12,6 +12,7 @@ void add_doctor(CLI::App& app);
 void add_scene(CLI::App& app);
 void add_materials(CLI::App& app);
 void add_rir(CLI::App& app);
+void add_measure(CLI::App& app);
 void add_render(CLI::App& app);
 void add_walk(CLI::App& app);
 void add_dataset(CLI::App& app);

@@ -13,6 +13,7 @@ int main(int argc, char** argv) {
   earshot::add_scene(program.app());
   earshot::add_materials(program.app());
   earshot::add_rir(program.app());
+  earshot::add_measure(program.app());
   earshot::add_render(program.app());
   earshot::add_walk(program.app());
   earshot::add_dataset(program.app());

@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   earshot::add_scene(app);
   earshot::add_materials(app);
   earshot::add_rir(app);
+  earshot::add_measure(app);
   earshot::add_render(app);
   earshot::add_walk(app);
   earshot::add_dataset(app);

@@ -70,6 +70,7 @@ AcousticConfig AcousticOptions::config() const {
   const ListenerLayout listener = layout();
   if (listener.kind == ListenerKind::ambisonics) config.sh_order = std::clamp(listener.order, config.sh_order, traced_order);
   if (listener.kind == ListenerKind::mono) config.sh_order = 0;  // it hears from all sides alike
+  config.sh_order = std::max(config.sh_order, least_order);
   if (accuracy) config.rir_length_s = 0;
   ConfigReader reader = ConfigReader::from_text("", "--set", settings);
   read(reader, config);

@@ -25,6 +25,8 @@ struct AcousticOptions {
 
   std::vector<double> hrtf_orientation_deg;  ///< heading, pitch, roll of the head filters in the listener's axes; empty: none
 
+  int least_order = 0;  ///< of harmonics, before --set
+
   std::optional<std::string> accuracy;  ///< as AccuracyTarget::parse reads it; none: the preset decides
 
   void add_to(CLI::App& command, const std::string& default_preset);

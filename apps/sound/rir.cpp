@@ -21,6 +21,7 @@
 #include "apps/sound/echogram_svg.h"
 #include "apps/sound/rir_json.h"
 #include "datasets/rir_corpus_response.h"
+#include "sim/acoustics/metrics/response_series.h"
 #include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -42,8 +43,12 @@ struct RirArguments {
   std::vector<double> heading_deg = {0};
   double pitch_deg = 0, roll_deg = 0;
   std::string out, metrics, plot;
+  std::vector<std::string> parameters;
+  std::vector<double> speech_snr_db;
   double gain = 1;
   bool components = false;
+
+  [[nodiscard]] ParameterRequest request() const { return parameter_request(parameters, speech_snr_db, "--parameters", "--speech-snr"); }
 };
 
 /// A part of a response: kinds of arrivals, and whether the late field is included.
@@ -145,7 +150,9 @@ class PairRenderer {
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }
-    const RoomMetrics energy = measure(planned, response);
+    ParameterRequest request = options_.request();
+    request.lateral_axis = lateral_axis(candidates.source(), listener);
+    const RoomMetrics energy = measure(planned, response, request);
     print(file, rir, response, energy, render_ms);
     for (const std::string& warning : warnings_of(planned, candidates.source(), listener, response)) {
       print_warning(warning);
@@ -153,21 +160,25 @@ class PairRenderer {
     }
     if (!options_.plot.empty()) write_plot(planned, file, response);
     if (options_.metrics.empty()) return {};
-    const double delay_s = energy.direct_delay_s ? *energy.direct_delay_s : 0.0;
     const glm::dvec3 origin = planned.scene().origin_m();
     const ListenerLayout layout = options_.acoustics.layout();
     OrderedJson json{{"bands_hz", energy.bands_hz},
                      {"origin_m", {origin.x, origin.y, origin.z}},
                      {"channels", layout.channel_names()},
-                     {"energy", metrics_json(energy)}};
+                     {"energy", metrics_json(energy, request)}};
     Rir omni;
     if (omni_) omni_->render(response, orientation, key, omni);
-    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), delay_s, json);
+    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), reading_of(response, energy, request), json);
+    const RenderEars render_ears = [&](const EnergyResponse& heard, std::uint64_t carriers, Rir& ears) {
+      synthesizer_.render(heard, orientation, {key.source ^ (carriers * kCarrierStep), listener}, ears);
+    };
+    const MetricErrors errors = standard_errors(planned, candidates, field, listener, response, request,
+                                                layout.kind == ListenerKind::binaural ? render_ears : RenderEars());
     json.update({{"drr_db", number_or_null(energy.drr_db)},
                  {"direct_delay_s", number_or_null(energy.direct_delay_s)},
                  {"direct_amplitude", number_or_null(energy.direct_amplitude)},
                  {"ray_efficiency", response.stats.ray_efficiency()},
-                 {"standard_error", standard_errors_json(planned, candidates, field, listener, response)},
+                 {"standard_error", standard_errors_json(errors, field != nullptr, request)},
                  {"render_ms", render_ms},
                  {"effects", effects_json(response, planned.config())},
                  {"warnings", warnings},
@@ -176,6 +187,17 @@ class PairRenderer {
   }
 
  private:
+  /// Time zero of samples is that of the energy response.
+  [[nodiscard]] static RirMeasurement reading_of(const EnergyResponse& response, const RoomMetrics& energy,
+                                                 const ParameterRequest& request) {
+    RirMeasurement how{.direct_delay_s = energy.first_arrival_s.value_or(0.0),
+                       .has_direct = energy.direct_delay_s.has_value(),
+                       .request = request,
+                       .is_green = true};
+    for (const Arrival& arrival : response.arrivals)
+      if (arrival.kind == ArrivalKind::direct) how.distance_m = static_cast<double>(arrival.distance_m);
+    return how;
+  }
   /// A response without any sound, and what was not finite: with all that it takes to see it again.
   [[nodiscard]] static std::vector<std::string> warnings_of(const AcousticScene& planned, glm::vec3 source, glm::vec3 listener,
                                                             const EnergyResponse& response) {
@@ -254,6 +276,17 @@ void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vec
       if (printed.insert(warning).second) print_warning(warning);
 }
 
+/// That of the options; lateral parameters ask for harmonics that --set may lower again.
+AcousticConfig config_of(const RirArguments& options) {
+  if (options.request().any() && options.metrics.empty())
+    throw InputError("--parameters", "has no effect without a file for them", "add --metrics FILE");
+  if (options.request().interaural && options.acoustics.layout().kind != ListenerKind::binaural)
+    throw InputError("--parameters", "interaural needs two ears", "use --channels binaural");
+  AcousticOptions acoustics = options.acoustics;
+  if (options.request().lateral) acoustics.least_order = AxisWeight::needed_order(AxisWeight::Kind::cosine);
+  return acoustics.config();
+}
+
 void run_rir(const RirArguments& options) {
   refuse_settings_of_trajectories(options.acoustics.settings);
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
@@ -263,7 +296,7 @@ void run_rir(const RirArguments& options) {
   if (options.heading_deg.size() != 1 && options.heading_deg.size() != options.listeners.size())
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
-  const AcousticConfig config = options.acoustics.config();
+  const AcousticConfig config = config_of(options);
   const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
   std::vector<glm::dvec3> listeners, source_points;
   std::vector<SoundSource> sources;
@@ -347,6 +380,16 @@ void add_rir(CLI::App& app) {
       ->add_option("--metrics", options->metrics,
                    "JSON file to write, with room-acoustic parameters per band (several pairs: a list under \"pairs\")")
       ->type_name(kOutputFile);
+  command
+      ->add_option(
+          "--parameters", options->parameters,
+          "Further parameters in the metrics file, with their standard errors: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, "
+          "of a listener at 1 m), speech (MTI, STI), interaural (errors of IACC)")
+      ->delimiter(',');
+  command
+      ->add_option("--speech-snr", options->speech_snr_db,
+                   "Ratio of speech to noise in dB for STI: one, or seven from 125 Hz to 8 kHz (default: no noise)")
+      ->delimiter(',');
   command
       ->add_option("--plot", options->plot,
                    "SVG plot to write: arrivals by kind, late field and decay of each band (several pairs: one file next to each WAV)")

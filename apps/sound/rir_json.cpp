@@ -4,112 +4,78 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/metrics/band_metric_keys.h"
 #include "sim/acoustics/metrics/late_errors.h"
 
 namespace earshot {
-namespace {
-
-/// Twice this covers 95 %; null of fewer than two values.
-OrderedJson stated_error(const std::vector<double>& values) {
-  const std::optional<double> error = error_of_mean(values);
-  return error ? OrderedJson(*error * student_factor(static_cast<double>(values.size()) - 1)) : OrderedJson(nullptr);
-}
-
-/// One trace from the listener does not have eight independent parts: up to 256 rays are weighed against each other (population_control.h),
-/// which leaves four such populations of the preset `balanced`, and all rays follow one sequence of directions (SphereSequence).
-OrderedJson errors_by_repetition(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
-  constexpr int batches = 8;
-  const AcousticConfig& config = acoustics.config();
-  if (config.rays < batches || config.late == Switch::off) return OrderedJson::object();
-  const auto num_bands = static_cast<std::size_t>(acoustics.num_bands());
-  std::vector<RoomMetrics> metrics;
-  for (int batch = 0; batch < batches; ++batch) {
-    const AcousticScene scene =
-        acoustics.with_rays(config.rays / batches, config.seed + 0x9E3779B97F4A7C15ull * static_cast<std::uint64_t>(batch + 1));
-    EnergyResponse response;
-    compute_energy_response(scene, candidates, listener, response);
-    metrics.push_back(measure(scene, response));
-  }
-  const auto add = [&](OrderedJson& json, const char* key, std::optional<double> BandMetrics::*value) {
-    json[key] = OrderedJson::array();
-    for (std::size_t band = 0; band < num_bands; ++band) {
-      std::vector<double> values;
-      for (const RoomMetrics& of_batch : metrics)
-        if (of_batch.bands[band].*value) values.push_back(*(of_batch.bands[band].*value));
-      json[key].push_back(stated_error(values));
-    }
-  };
-  OrderedJson json = OrderedJson::object();
-  add(json, "rt60_s", &BandMetrics::rt60_s);
-  for (const ErrorEntry& entry : kErrorEntries) add(json, entry.key, entry.value);
-  return json;
-}
-
-/// Noise of the photons: their relative error of T20, a mean over bands and places.
-OrderedJson errors_of_field(const AcousticScene& acoustics, const SourceField& field, const EnergyResponse& response) {
-  OrderedJson json = {{"rt60_s", OrderedJson::array()}, {"t20_s", OrderedJson::array()}};
-  for (const BandMetrics& band : measure(acoustics, response).bands) {
-    json["rt60_s"].push_back(band.rt60_s ? OrderedJson(*band.rt60_s * field.t20_error()) : OrderedJson(nullptr));
-    json["t20_s"].push_back(band.t20_s ? OrderedJson(*band.t20_s * field.t20_error()) : OrderedJson(nullptr));
-  }
-  return json;
-}
-
-}  // namespace
 
 OrderedJson number_or_null(const std::optional<double>& value) {
   return value && std::isfinite(*value) ? OrderedJson(*value) : OrderedJson(nullptr);
 }
 
-OrderedJson metrics_json(const RoomMetrics& metrics) {
+OrderedJson metrics_json(const RoomMetrics& metrics, const ParameterRequest& request) {
   OrderedJson json = OrderedJson::object();
-  for (const BandMetricKey& entry : kBandMetricKeys) {
+  const auto add = [&](const char* key, std::optional<double> BandMetrics::*value) {
     OrderedJson values = OrderedJson::array();
-    for (const auto& band : metrics.bands) values.push_back(number_or_null(band.*entry.value));
-    json[entry.key] = values;
-  }
+    for (const auto& band : metrics.bands) values.push_back(number_or_null(band.*value));
+    json[key] = values;
+  };
+  for (const BandMetricKey& entry : kBandMetricKeys) add(entry.key, entry.value);
+  for (const RequestedMetricKey& entry : kRequestedMetricKeys)
+    if (request.*entry.group) add(entry.key, entry.value);
   OrderedJson statuses = OrderedJson::array();  // why a decay time is null
   for (const auto& band : metrics.bands) statuses.push_back(name_of(band.decay));
   json["decay"] = statuses;
   json["drr_db"] = number_or_null(metrics.drr_db);
+  if (request.speech) json["sti"] = number_or_null(metrics.sti);
+  if (!request.any()) return json;
+  json["missing"] = OrderedJson::object();
+  for (const MissingParameter& missing : metrics.missing) json["missing"][missing.key] = missing.reason;
   return json;
 }
 
 void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout& layout, const std::vector<std::string>& names,
-                        double delay_s, OrderedJson& json) {
-  RoomMetrics metrics = measure(omni.channel(0), omni.sample_rate_hz, delay_s);
+                        RirMeasurement how, OrderedJson& json) {
+  how.request.lateral = false;
+  RoomMetrics metrics = measure(omni.channel(0), omni.sample_rate_hz, how);
   if (layout.kind == ListenerKind::binaural) {
-    const RoomMetrics ears = measure(heard, delay_s);
+    const RoomMetrics ears = measure(heard, how);
     for (std::size_t band = 0; band < metrics.bands.size(); ++band) {
       metrics.bands[band].iacc = ears.bands[band].iacc;
       metrics.bands[band].iacc_early = ears.bands[band].iacc_early;
       metrics.bands[band].iacc_late = ears.bands[band].iacc_late;
     }
   }
-  json["rir"] = metrics_json(metrics);
+  json["rir"] = metrics_json(metrics, how.request);
   if (layout.kind != ListenerKind::binaural && layout.kind != ListenerKind::array) return;
   OrderedJson& channels = json[layout.kind == ListenerKind::binaural ? "ears" : "microphones"] = OrderedJson::object();
   for (std::size_t i = 0; i < names.size(); ++i) {
-    OrderedJson channel_metrics = metrics_json(measure(heard.channel(static_cast<int>(i)), heard.sample_rate_hz, delay_s));
+    OrderedJson channel_metrics = metrics_json(measure(heard.channel(static_cast<int>(i)), heard.sample_rate_hz, how), how.request);
     for (const char* key : {"iacc", "iacc_early", "iacc_late"}) channel_metrics.erase(key);
     channels[names[i]] = std::move(channel_metrics);
   }
 }
 
-OrderedJson standard_errors_json(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
-                                 glm::vec3 listener, const EnergyResponse& response) {
-  if (field != nullptr) return errors_of_field(acoustics, *field, response);
-  const std::vector<BandErrors> errors = late_errors(acoustics, response);
-  if (errors.empty()) return errors_by_repetition(acoustics, candidates, listener);
-  OrderedJson json = {{"rt60_s", OrderedJson::array()}};
-  for (const BandErrors& error : errors)
-    json["rt60_s"].push_back(number_or_null(error.t30_error_s ? error.t30_error_s : error.t20_error_s));
-  for (const ErrorEntry& entry : kErrorEntries) {
-    json[entry.key] = OrderedJson::array();
-    for (const BandErrors& error : errors) json[entry.key].push_back(number_or_null(error.*entry.error));
+OrderedJson standard_errors_json(const MetricErrors& errors, bool has_field, const ParameterRequest& request) {
+  OrderedJson json = OrderedJson::object();
+  if (errors.bands.empty()) return json;
+  const auto add = [&](const char* key, std::optional<double> BandMetrics::*value, const std::vector<BandMetrics>& bands) {
+    json[key] = OrderedJson::array();
+    for (const BandMetrics& band : bands) json[key].push_back(number_or_null(band.*value));
+  };
+  add("rt60_s", &BandMetrics::rt60_s, errors.bands);
+  if (has_field) {
+    add("t20_s", &BandMetrics::t20_s, errors.bands);
+    return json;
   }
+  for (const ErrorEntry& entry : kErrorEntries) add(entry.key, entry.value, errors.bands);
+  for (const RequestedMetricKey& entry : kRequestedMetricKeys)
+    if (request.*entry.group) add(entry.key, entry.value, errors.bands);
+  if (request.speech) json["sti"] = number_or_null(errors.sti);
+  if (errors.ears.empty()) return json;
+  add("iacc", &BandMetrics::iacc, errors.ears);
+  add("iacc_early", &BandMetrics::iacc_early, errors.ears);
+  add("iacc_late", &BandMetrics::iacc_late, errors.ears);
   return json;
 }
 

@@ -108,6 +108,15 @@ def texts(values: object, where: str, name: str) -> list[str]:
     return [text(value, where, f"{name}[{index}]") for index, value in enumerate(values)]
 
 
+def parameters(groups: object, speech_snr_db: object, where: str) -> tuple[list[str], list[float]]:
+    """Groups of room-acoustic parameters, and ratios of speech to noise."""
+    names = texts(groups, where, "parameters")
+    ratios = floats(speech_snr_db, where, "speech_snr_db")
+    if ratios.ndim > 1:
+        raise InputError(f"{where}: speech_snr_db has shape {ratios.shape}; give one number or seven")
+    return names, ratios.ravel().tolist()
+
+
 def settings(values: object, where: str) -> list[str]:
     """As "key=value" texts."""
     if not isinstance(values, Mapping):

@@ -31,7 +31,8 @@ class Metrics:
     """Room-acoustic parameters after ISO 3382-1, one value per band; NaN for an undefined value (no decay to fit, no direct sound)."""
 
     bands_hz: Floats
-    edt_s: Floats
+    edt_s: Floats  #: first 10 dB of the decay curve, direct sound included
+    edt_after_direct_s: Floats  #: first 10 dB below the step of the direct sound
     t20_s: Floats
     t30_s: Floats
     rt60_s: Floats
@@ -44,9 +45,17 @@ class Metrics:
     iacc: Floats  #: this and the next two: binaural RIRs only
     iacc_early: Floats
     iacc_late: Floats
+    j_lf: Floats  #: this and the next five: on request only
+    j_lfc: Floats
+    lg_db: Floats
+    st_early_db: Floats
+    st_late_db: Floats
+    mti: Floats
+    sti: float  #: on request only
     drr_db: float
     direct_delay_s: float
     direct_amplitude: float
+    missing: dict[str, str]  #: parameters that were asked for and do not exist, with reasons
 
     def __repr__(self) -> str:
         middle = int(np.abs(self.bands_hz - 1000).argmin())

@@ -396,12 +396,50 @@ def _source_of(scene: Scene, files: Files, *recipe: Any) -> Source:
     return source
 
 
-def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0) -> Metrics:
+def _samples(value: ArrayLike, name: str) -> NDArray[np.float32]:
+    """Of any shape, finite."""
+    array = check.floats(value, "measure", name)
+    with np.errstate(over="ignore"):
+        samples = array.astype(np.float32)
+    if not np.isfinite(samples).all():
+        raise InputError(f"measure: {name} has values beyond the range of float32")
+    return samples
+
+
+def _beside(value: ArrayLike | None, name: str) -> NDArray[np.float32]:
+    """Samples of one microphone; none: empty."""
+    samples = np.empty(0, np.float32) if value is None else _samples(value, name)
+    if samples.ndim != 1 or (value is not None and samples.size == 0):
+        raise InputError(f"measure: {name} has shape {samples.shape}; give [samples]")
+    return samples
+
+
+def measure(
+    rir: ArrayLike,
+    sample_rate_hz: float,
+    *,
+    direct_delay_s: float | None = None,
+    bands: str = "octaves",
+    parameters: Sequence[str] = (),
+    speech_snr_db: ArrayLike = (),
+    lateral: ArrayLike | None = None,
+    reference: ArrayLike | None = None,
+    green_units: bool = False,
+    distance_m: float | None = None,
+) -> Metrics:
     """Compute room-acoustic parameters of an impulse response [samples] or [channels, samples].
 
     The parameters are those of the first channel; two channels also give the interaural cross-correlation.
 
-    :param direct_delay_s: Arrival time of the direct sound.
+    :param direct_delay_s: Arrival time of the direct sound; by default the first sample within 20 dB of the strongest that stands above
+        the noise (ISO 3382-1).
+    :param bands: "octaves" or "third_octaves".
+    :param parameters: Groups of "lateral" (J_LF, J_LFC, LG), "stage" (ST_early, ST_late) and "speech" (MTI, STI).
+    :param speech_snr_db: Ratio of speech to noise for STI: one number, or seven from 125 Hz to 8 kHz; none by default.
+    :param lateral: Response [samples] of a figure-of-eight microphone, its null toward the source, for "lateral".
+    :param reference: Response [samples] of the same source and microphone at 10 m in a free field, for G and LG.
+    :param green_units: The samples are in Green units, as :meth:`Response.render` gives them, so that LG needs no reference.
+    :param distance_m: Distance of the source, for "stage"; 1 by default.
 
     >>> decay = 10 ** (-3 * np.arange(16000) / 16000 / 0.5)  # 60 dB in half a second
     >>> noise = np.random.default_rng(1).standard_normal(16000)
@@ -409,12 +447,20 @@ def measure(rir: ArrayLike, sample_rate_hz: float, *, direct_delay_s: float = 0)
     >>> bool(abs(metrics.t20_s[metrics.bands_hz == 1000][0] - 0.5) < 0.05)
     True
     """
-    array = check.floats(rir, "measure", "rir")
+    where = "measure"
+    array = _samples(rir, "rir")
     if array.ndim not in (1, 2) or array.size == 0:
         raise InputError(f"measure: rir has shape {array.shape}; give [samples] or [channels, samples]")
-    with np.errstate(over="ignore"):
-        samples = np.atleast_2d(array).astype(np.float32)
-    if not np.isfinite(samples).all():
-        raise InputError("measure: rir has values beyond the range of float32")
-    rate_hz = check.number(sample_rate_hz, "measure", "sample_rate_hz", 100, 1e7)
-    return Metrics(**_engine.measure_rir(samples, rate_hz, check.number(direct_delay_s, "measure", "direct_delay_s", 0)))
+    return Metrics(
+        **_engine.measure_rir(
+            np.atleast_2d(array),
+            check.number(sample_rate_hz, where, "sample_rate_hz", 100, 1e7),
+            None if direct_delay_s is None else check.number(direct_delay_s, where, "direct_delay_s", 0),
+            check.one_of(bands, where, "bands", ("octaves", "third_octaves")),
+            *check.parameters(parameters, speech_snr_db, where),
+            _beside(lateral, "lateral"),
+            _beside(reference, "reference"),
+            check.flag(green_units, where, "green_units"),
+            None if distance_m is None else check.number(distance_m, where, "distance_m", 0, above=True),
+        )
+    )

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A response before any head: its paths, late energy and room-acoustic parameters as arrays.
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <limits>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "earshot/rir.h"
 #include "python/src/interruptible.h"
@@ -15,9 +20,14 @@ nb::dict dict_of(Metrics metrics) {
   const std::size_t bands = metrics.bands_hz.size();
   dict["bands_hz"] = array_of(std::move(metrics.bands_hz), {bands});
   for (const MetricField& field : metric_fields()) dict[field.name] = array_of(std::move(metrics.*field.values), {bands});
+  for (const MetricField& field : requested_metric_fields()) dict[field.name] = array_of(std::move(metrics.*field.values), {bands});
+  dict["sti"] = metrics.sti;
   dict["drr_db"] = metrics.drr_db;
   dict["direct_delay_s"] = metrics.direct_delay_s;
   dict["direct_amplitude"] = metrics.direct_amplitude;
+  nb::dict missing;
+  for (const MissingMetric& one : metrics.missing) missing[one.name.c_str()] = one.reason;
+  dict["missing"] = missing;
   return dict;
 }
 
@@ -73,13 +83,37 @@ Array<float> render(const Response& response, double heading_deg, double pitch_d
   return array_of(std::move(rir.samples), {rows, samples});
 }
 
-nb::dict measure_rir(const Input<float>& rir, double sample_rate_hz, double direct_delay_s) {
-  if (rir.ndim() != 2) throw InputError("rir", "has a wrong shape", "give [channels, samples]");
+std::vector<float> samples_of(const Input<float>& samples, const char* name) {
   constexpr std::size_t kMostNumbers = std::numeric_limits<int>::max();
-  if (rir.size() > kMostNumbers) throw InputError("rir", "is too long", "give at most 2^31 - 1 numbers");
-  Rir one{static_cast<int>(rir.shape(0)), static_cast<int>(rir.shape(1)), sample_rate_hz,
-          std::vector<float>(rir.data(), rir.data() + rir.size())};
-  return dict_of(interruptible([direct_delay_s, one = std::move(one)](const std::stop_token&) { return measure(one, direct_delay_s); }));
+  if (samples.size() > kMostNumbers) throw InputError(name, "is too long", "give at most 2^31 - 1 numbers");
+  return {samples.data(), samples.data() + samples.size()};
+}
+
+nb::dict measure_rir(const Input<float>& rir, double sample_rate_hz, std::optional<double> direct_delay_s, const std::string& bands,
+                     const std::vector<std::string>& parameters, const std::vector<double>& speech_snr_db, const Input<float>& lateral,
+                     const Input<float>& reference, bool green_units, std::optional<double> distance_m) {
+  if (rir.ndim() != 2) throw InputError("rir", "has a wrong shape", "give [channels, samples]");
+  Rir one{static_cast<int>(rir.shape(0)), static_cast<int>(rir.shape(1)), sample_rate_hz, samples_of(rir, "rir")};
+  MeasureOptions options{.direct_delay_s = direct_delay_s,
+                         .bands = bands,
+                         .parameters = {parameters, speech_snr_db},
+                         .lateral = samples_of(lateral, "lateral"),
+                         .reference = samples_of(reference, "reference"),
+                         .green_units = green_units,
+                         .distance_m = distance_m};
+  return dict_of(
+      interruptible([options = std::move(options), one = std::move(one)](const std::stop_token&) { return measure(one, options); }));
+}
+
+nb::dict measure_response(const Response& response, const std::vector<std::string>& parameters, const std::vector<double>& speech_snr_db) {
+  return dict_of(interruptible([=](const std::stop_token&) { return response.measure({parameters, speech_snr_db}); }));
+}
+
+nb::dict errors_of_response(const Response& response, const std::vector<std::string>& parameters, const std::vector<double>& speech_snr_db,
+                            double heading_deg, double pitch_deg, double roll_deg, const std::string& hrtf) {
+  return dict_of(interruptible([=](const std::stop_token&) {
+    return response.standard_errors({parameters, speech_snr_db}, {heading_deg, pitch_deg, roll_deg, "binaural", hrtf});
+  }));
 }
 
 }  // namespace
@@ -92,12 +126,16 @@ void bind_response(nb::module_& m) {
            [](const Response& response) {
              return dict_of(interruptible([response](const std::stop_token&) { return response.metrics(); }));
            })
+      .def("measure", &measure_response, "parameters"_a, "speech_snr_db"_a)
+      .def("standard_errors", &errors_of_response, "parameters"_a, "speech_snr_db"_a, "heading_deg"_a, "pitch_deg"_a, "roll_deg"_a,
+           "hrtf"_a)
       .def("late", &late_of)
       .def_prop_ro("bin_s", [](const Response& response) { return response.late().bin_s; })
       .def_prop_ro("speed_of_sound_m_per_s", &Response::speed_of_sound_m_per_s)
       .def_prop_ro("ray_efficiency", &Response::ray_efficiency)
       .def("render", &render, "heading_deg"_a, "pitch_deg"_a, "roll_deg"_a, "channels"_a, "hrtf"_a);
-  m.def("measure_rir", &measure_rir, "rir"_a, "sample_rate_hz"_a, "direct_delay_s"_a);
+  m.def("measure_rir", &measure_rir, "rir"_a, "sample_rate_hz"_a, "direct_delay_s"_a.none(), "bands"_a, "parameters"_a, "speech_snr_db"_a,
+        "lateral"_a, "reference"_a, "green_units"_a, "distance_m"_a.none());
 }
 
 }  // namespace earshot::python

@@ -156,6 +156,65 @@ def test_metrics_of_energy_and_of_the_rir_agree() -> None:
     assert measured.c50_db[middle] == pytest.approx(energy.c50_db[middle], abs=1.5)
 
 
+def test_measure_finds_the_direct_sound() -> None:
+    random = np.random.default_rng(38)
+    for _ in range(10):
+        onset, t60_s = int(random.integers(200, 6000)), random.uniform(0.3, 0.8)
+        samples = 3e-4 * random.standard_normal(24000)  # the noise of a recording
+        tail = np.arange(24000 - onset - 60)
+        samples[onset + 60 :] += 0.05 * random.standard_normal(len(tail)) * 10 ** (-3 * tail / 16000 / t60_s)
+        samples[onset] += 1
+        near = np.abs(np.arange(24000) - onset) < 40
+        expected_db = 10 * np.log10(np.sum(samples[near] ** 2) / np.sum(samples[~near] ** 2))
+        found = earshot.measure(samples, 16000)
+        assert found.direct_delay_s == pytest.approx(onset / 16000, abs=1e-9)
+        assert found.drr_db == pytest.approx(expected_db, abs=0.05)
+        assert found.missing == {}
+        assert np.isnan(found.sti)
+
+
+def test_parameters_on_request_of_samples() -> None:
+    pair = np.zeros((2, 16000))
+    pair[0, 1600], pair[0, 2400], pair[1, 2400] = 1, 0.5, 0.3
+    found = earshot.measure(pair[0], 16000, parameters=["lateral", "speech"], lateral=pair[1], green_units=True)
+    assert found.j_lf[3] == pytest.approx(0.09 / 1.25, abs=0.002)
+    assert found.j_lfc[3] == pytest.approx(0.15 / 1.25, abs=0.004)
+    assert 0.6 < found.sti <= 1
+    noisy = earshot.measure(pair[0], 16000, parameters=["speech"], speech_snr_db=0)
+    assert noisy.sti < 0.51  # at 0 dB nothing is above a half
+    lacking = earshot.measure(pair[0], 16000, parameters=["lateral", "stage"])
+    assert np.isnan(lacking.j_lf).all()
+    assert set(lacking.missing) == {"j_lf", "j_lfc", "lg_db", "st_late_db"}
+    assert len(earshot.measure(pair[0], 16000, bands="third_octaves").bands_hz) == 20
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"bands": "halves"}, "measure: bands is 'halves'"),
+        ({"parameters": ["loud"]}, "parameters: 'loud' is not a group"),
+        ({"parameters": ["speech"], "speech_snr_db": [1, 2]}, "speech_snr_db: is 2"),
+        ({"parameters": ["lateral"], "lateral": pair}, "measure: lateral has shape (2, 16000)"),
+        ({"direct_delay_s": -1}, "measure: direct_delay_s is -1"),
+    ]
+    for arguments, words in refused:
+        with pytest.raises(earshot.InputError, match=re.escape(words)):
+            earshot.measure(pair[0], 16000, **arguments)
+
+
+def test_parameters_on_request_of_a_response() -> None:
+    scene = earshot.Scene("shoebox:8x3x6@0.2", preset="fast", settings={"rir_length_s": 1.2, "sh_order": 4, "rays": 512})
+    response = scene.source([2, 1.5, 2]).response([6, 1.6, 4.3])
+    assert np.isnan(response.metrics.j_lf).all()
+    groups = ["lateral", "speech", "stage", "interaural"]
+    found, errors = response.measure(groups), response.standard_errors(groups)
+    assert (found.j_lf > 0.05).all()
+    assert (found.j_lfc > found.j_lf).all()
+    assert set(found.missing) == {"st_early_db", "st_late_db"}
+    assert np.array_equal(found.t20_s, response.metrics.t20_s)
+    for values in (errors.j_lf, errors.lg_db, errors.mti, errors.t20_s, errors.edt_s, errors.iacc_early, errors.iacc_late):
+        assert ((values > 0) & (values < 0.5)).all()
+    assert 0 < errors.sti < 0.1
+    first_order = earshot.Scene("shoebox:8x3x6@0.2", preset="fast", settings={"rir_length_s": 0.5}).source([2, 1.5, 2])
+    assert "sh_order" in first_order.response([6, 1.6, 4.3]).measure(["lateral"]).missing["j_lf"]
+
+
 def test_plan_says_what_is_simulated(scene: earshot.Scene) -> None:
     plan = {decision.effect: decision for decision in scene.plan}
     assert "transmission" in plan
