@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `earshot measure FILE`, and parameters on request of `earshot rir --metrics`.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
