@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -56,6 +57,12 @@ void flush_to_disk(const std::filesystem::path& path, int flags) {
   if (::fsync(file.value()) != 0) fail(path, "cannot be flushed");
 }
 
+void create_folder(const std::filesystem::path& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error) throw RunError(path.string(), "cannot be created: " + error.message());
+}
+
 /// The first line that two texts do not have in common, of each.
 std::pair<std::string, std::string> first_difference(std::string_view a, std::string_view b) {
   const auto cut = [](std::string_view& text) {
@@ -93,12 +100,13 @@ std::string as_lines(const std::string& json, const std::string& where) {
 }  // namespace
 
 CorpusFolder::CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
-                           std::size_t num_channels)
+                           std::size_t num_channels, std::filesystem::path files_below)
     : out_(std::move(out)),
       num_rooms_(num_rooms),
       rooms_per_folder_(rooms_per_folder),
       sample_rate_hz_(sample_rate_hz),
-      num_channels_(num_channels) {}
+      num_channels_(num_channels),
+      files_below_(std::move(files_below)) {}
 
 void CorpusFolder::begin(const std::string& description) const {
   const std::filesystem::path path = out_ / "corpus.json";
@@ -117,27 +125,33 @@ void CorpusFolder::begin(const std::string& description) const {
       "complete it with the same config and program, or use another folder");
 }
 
-std::filesystem::path CorpusFolder::folder_path(std::size_t folder) const { return out_ / fmt::format("{:05}", folder); }
+std::filesystem::path CorpusFolder::folder_path(std::size_t folder) const {
+  return (files_below_.empty() ? out_ : out_ / "parts") / fmt::format("{:05}", folder);
+}
+std::filesystem::path CorpusFolder::file_path(std::size_t room, const std::string& name) const {
+  return (files_below_.empty() ? folder_path(room / rooms_per_folder_) : files_below_) / name;
+}
 std::filesystem::path CorpusFolder::part_path(std::size_t room) const {
   return folder_path(room / rooms_per_folder_) / fmt::format("room_{:06}.jsonl", room);
 }
-std::string CorpusFolder::prefix_of(std::size_t room) const { return fmt::format("{:05}/", room / rooms_per_folder_); }
+std::string CorpusFolder::prefix_of(std::size_t room) const {
+  return files_below_.empty() ? fmt::format("{:05}/", room / rooms_per_folder_) : std::string();
+}
 std::size_t CorpusFolder::end_room(std::size_t folder) const { return std::min(num_rooms_, first_room(folder + 1)); }
 
 std::vector<std::size_t> CorpusFolder::missing_rooms(std::size_t folder) const {
   std::vector<std::size_t> missing;
-  const bool whole = std::filesystem::exists(manifest_path(folder));
+  const bool whole = is_complete(folder);
   for (std::size_t room = first_room(folder); room < end_room(folder); ++room)
     if (!whole && !std::filesystem::exists(part_path(room))) missing.push_back(room);
-  std::error_code error;
-  std::filesystem::create_directories(folder_path(folder), error);
-  if (error) throw RunError(folder_path(folder).string(), "cannot be created: " + error.message());
+  create_folder(folder_path(folder));
   if (missing.empty()) complete(folder);
   return missing;
 }
 
 void CorpusFolder::write_sound(std::size_t room, const std::string& name, std::string_view bytes) const {
-  const std::filesystem::path path = folder_path(room / rooms_per_folder_) / name;
+  const std::filesystem::path path = file_path(room, name);
+  if (!files_below_.empty()) create_folder(path.parent_path());
   // A reader of the folder finds whole files only; one name per file, so that what a killed run leaves behind is replaced.
   const std::filesystem::path part = path.string() + ".part";
   write_whole(part, bytes);
@@ -146,8 +160,13 @@ void CorpusFolder::write_sound(std::size_t room, const std::string& name, std::s
 
 void CorpusFolder::finish_room(std::size_t room, const std::vector<std::string>& files, const std::string& lines) const {
   const std::size_t folder = room / rooms_per_folder_;
-  for (const std::string& name : files) flush_to_disk(folder_path(folder) / name, O_RDONLY);
-  flush_to_disk(folder_path(folder), O_RDONLY | O_DIRECTORY);
+  std::set<std::filesystem::path> folders;
+  for (const std::string& name : files) {
+    const std::filesystem::path path = file_path(room, name);
+    flush_to_disk(path, O_RDONLY);
+    folders.insert(path.parent_path());
+  }
+  for (const std::filesystem::path& path : folders) flush_to_disk(path, O_RDONLY | O_DIRECTORY);
   const std::lock_guard lock(completing_);
   write_file_atomically(part_path(room), lines);
   for (std::size_t other = first_room(folder); other < end_room(folder); ++other)
@@ -156,7 +175,7 @@ void CorpusFolder::finish_room(std::size_t room, const std::vector<std::string>&
 }
 
 void CorpusFolder::complete(std::size_t folder) const {
-  if (!std::filesystem::exists(manifest_path(folder))) {
+  if (!is_complete(folder)) {
     std::string lines;
     for (std::size_t room = first_room(folder); room < end_room(folder); ++room) lines += read_file(part_path(room));
     write_file_atomically(manifest_path(folder), lines);
@@ -190,7 +209,7 @@ std::string CorpusFolder::describe(const std::string& kind, const std::string& c
 
 std::size_t CorpusFolder::join_manifests(const std::vector<DerivedManifest>& derived) const {
   std::size_t missing = 0;
-  for (std::size_t folder = 0; folder < count(); ++folder) missing += !std::filesystem::exists(manifest_path(folder));
+  for (std::size_t folder = 0; folder < count(); ++folder) missing += !is_complete(folder);
   if (missing > 0) return missing;
   std::string all, recordings;
   std::vector<std::string> derived_lines(derived.size());

@@ -34,13 +34,17 @@ struct DerivedManifest {
 class CorpusFolder {
  public:
   /// num_channels: of the recordings; 0: none are listed in recordings.jsonl.
+  /// files_below: empty, so that the files of a room lie beside its part of the manifest, or the folder below which they lie by their
+  /// names, which may then have folders in them; `out` has a folder `parts` then.
   CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
-               std::size_t num_channels);
+               std::size_t num_channels, std::filesystem::path files_below = {});
 
   /// Writes corpus.json, or compares it with the one that is there.  Throws InputError naming the first line that differs.
   void begin(const std::string& description) const;
   [[nodiscard]] std::size_t count() const { return (num_rooms_ + rooms_per_folder_ - 1) / rooms_per_folder_; }
-  /// "00012/", of the folder that holds the room.
+  /// Whether all rooms of a folder are written.
+  [[nodiscard]] bool is_complete(std::size_t folder) const { return std::filesystem::exists(manifest_path(folder)); }
+  /// "00012/", of the folder that holds the files of the room; nothing with files_below.
   [[nodiscard]] std::string prefix_of(std::size_t room) const;
   /// Missing rooms of a folder.  Completes a folder without missing rooms.
   std::vector<std::size_t> missing_rooms(std::size_t folder) const;
@@ -57,6 +61,7 @@ class CorpusFolder {
 
  private:
   [[nodiscard]] std::filesystem::path folder_path(std::size_t folder) const;
+  [[nodiscard]] std::filesystem::path file_path(std::size_t room, const std::string& name) const;
   [[nodiscard]] std::filesystem::path part_path(std::size_t room) const;
   [[nodiscard]] std::filesystem::path manifest_path(std::size_t folder) const { return folder_path(folder) / "manifest.jsonl"; }
   [[nodiscard]] std::size_t first_room(std::size_t folder) const { return folder * rooms_per_folder_; }
@@ -68,6 +73,7 @@ class CorpusFolder {
   std::size_t num_rooms_, rooms_per_folder_;
   float sample_rate_hz_;
   std::size_t num_channels_;
+  std::filesystem::path files_below_;
   mutable std::mutex completing_;  ///< two rooms may end at once
 };
 

@@ -26,7 +26,7 @@ int parse_shard_number(const std::string& text, const std::string& digits) {
 std::vector<std::size_t> missing_parts(const CorpusFolder& folder, const CorpusShard& shard) {
   std::vector<std::size_t> missing;
   for (std::size_t number = 0; number < folder.count(); ++number)
-    if (number % static_cast<std::size_t>(shard.count) == static_cast<std::size_t>(shard.index - 1)) {
+    if (shard.has(number)) {
       const std::vector<std::size_t> left = folder.missing_rooms(number);
       missing.insert(missing.end(), left.begin(), left.end());
     }

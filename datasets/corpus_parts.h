@@ -19,6 +19,9 @@ struct CorpusShard {
   int index = 1, count = 1;
   /// "K/N".  Throws InputError.
   static CorpusShard parse(const std::string& text);
+  [[nodiscard]] bool has(std::size_t folder) const {
+    return folder % static_cast<std::size_t>(count) == static_cast<std::size_t>(index - 1);
+  }
 };
 
 struct CorpusRun {

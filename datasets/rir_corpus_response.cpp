@@ -14,7 +14,7 @@
 #include <span>
 
 #include "datasets/label_number.h"
-#include "sim/acoustics/metrics/room_metrics.h"
+#include "datasets/response_labels.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"
@@ -26,31 +26,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kRadian = 180 / std::numbers::pi;
-/// A hundredth of a sample at the highest rates, however far the source.
-constexpr int kDelayDigits = 9;
-
-Json place(glm::dvec3 position) { return {position.x, position.y, position.z}; }
-
-template <class Get>
-Json per_band(const RoomMetrics& metrics, const Get& get) {
-  Json values = Json::array();
-  for (const BandMetrics& band : metrics.bands) values.push_back(rounded(get(band)));
-  return values;
-}
-
-/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; null if one of them has no value.
-Json mid_t20(const RoomMetrics& metrics) {
-  double sum = 0;
-  int count = 0;
-  for (std::size_t b = 0; b < metrics.bands.size(); ++b) {
-    if (metrics.bands_hz[b] < 400 || metrics.bands_hz[b] > 1250) continue;
-    if (!metrics.bands[b].t20_s) return nullptr;
-    sum += *metrics.bands[b].t20_s;
-    ++count;
-  }
-  return count > 0 ? rounded(sum / count) : Json(nullptr);
-}
-
 /// What FLAC needs for samples above 1, beside a source: a power of two, so that nothing is rounded.
 float gain_for(SoundFormat format, std::span<const float> samples) {
   if (format == SoundFormat::wav) return 1.f;
@@ -169,9 +144,7 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   const CorpusListener& pose = recording.pose;
   static_cast<void>(places_.check({"source", source_.sound.position}, {"listener", pose.position}));
   compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
-  // Behind a wall the direct sound counts from when the straight line would bring it.
-  recording.direct_s =
-      static_cast<double>(glm::length(source_.sound.position - pose.position)) / static_cast<double>(response_.speed_of_sound_m_per_s);
+  recording.direct_s = direct_delay_s(source_.sound.position, pose.position, response_);
   heads_[pose.head].render(response_, pose.orientation(), CarrierKey(carrier_key(room_hash, candidates_.source()), pose.position), rir_);
   const float gain = gain_for(config_.format, rir_.samples);
   std::vector<float> samples = scaled(rir_.samples, gain);
@@ -180,7 +153,7 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   line["id"] = recording.id;
   line["file"] = store(recording, "", samples);
   label_geometry(recording);
-  label_metrics(recording);
+  add_metrics(room_.acoustics(), response_, field_.get(), line);
   line["num_samples"] = rir_.num_samples;
   line["gain"] = gain;
   add_pictures(recording);
@@ -214,18 +187,17 @@ void CorpusSourceRenderer::label_geometry(Recording& recording) const {
   const glm::vec3 toward = source_.sound.position - pose.position;
   const double distance_m = static_cast<double>(glm::length(toward));
   const glm::vec3 direction = distance_m > 0 ? pose.orientation().world_to_local(glm::normalize(toward)) : glm::vec3(0, 0, -1);
-  const bool in_sight = std::ranges::any_of(response_.arrivals, [](const Arrival& a) { return a.kind == ArrivalKind::direct; });
 
   Json& line = recording.line;
   line["scene"] = scene.name();
   line["scene_hash"] = hex64(scene.hash());
   line["room"] = room_index_;
   line["source"] = {{"index", number_},
-                    {"position_m", place(scene.to_world(source_.sound.position))},
+                    {"position_m", place_label(scene.to_world(source_.sound.position))},
                     {"heading_deg", source_.heading_deg},
                     {"pattern", source_.pattern}};
   line["listener"] = {{"index", recording.listener},
-                      {"position_m", place(scene.to_world(pose.position))},
+                      {"position_m", place_label(scene.to_world(pose.position))},
                       {"heading_deg", pose.heading_deg},
                       {"pitch_deg", pose.pitch_deg},
                       {"roll_deg", pose.roll_deg}};
@@ -233,19 +205,8 @@ void CorpusSourceRenderer::label_geometry(Recording& recording) const {
   line["distance_m"] = rounded(distance_m);
   line["azimuth_deg"] = rounded(kRadian * std::atan2(static_cast<double>(-direction.x), static_cast<double>(-direction.z)));
   line["elevation_deg"] = rounded(kRadian * std::asin(std::clamp(static_cast<double>(direction.y), -1.0, 1.0)));
-  line["line_of_sight"] = in_sight;
-  line["direct_delay_s"] = rounded(recording.direct_s, kDelayDigits);
-}
-
-void CorpusSourceRenderer::label_metrics(Recording& recording) const {
-  const RoomMetrics metrics = measure(room_.acoustics(), response_);
-  Json& line = recording.line;
-  line["drr_db"] = rounded(metrics.drr_db);
-  line["t20_mid_s"] = mid_t20(metrics);
-  line["t20_s"] = per_band(metrics, [](const BandMetrics& band) { return band.t20_s; });
-  line["rt60_s"] = per_band(metrics, [](const BandMetrics& band) { return band.rt60_s; });
-  line["c50_db"] = per_band(metrics, [](const BandMetrics& band) { return band.c50_db; });
-  line["field_t20_error"] = field_ ? rounded(field_->t20_error()) : Json(nullptr);
+  line["line_of_sight"] = is_in_sight(response_);
+  line["direct_delay_s"] = rounded_delay(recording.direct_s);
 }
 
 void CorpusSourceRenderer::add_pictures(Recording& recording) const {

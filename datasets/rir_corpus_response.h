@@ -40,7 +40,6 @@ class CorpusSourceRenderer {
   /// Appends the samples to the files, or to sofa_; returns the name of their file.
   std::string store(Recording& recording, const std::string& suffix, std::span<const float> channels);
   void label_geometry(Recording& recording) const;
-  void label_metrics(Recording& recording) const;
   void add_pictures(Recording& recording) const;
   /// Stores the sound until config.split_ms after the direct sound, which stays in `samples`, and the sound from then on.
   void store_split(Recording& recording, std::vector<float>& samples);

@@ -55,12 +55,16 @@ void AcousticOptions::add_accuracy_to(CLI::App& command) {
       "it. The length of the response is set automatically; everything else comes from the preset");
 }
 
+void AcousticOptions::refuse_settings(const std::vector<std::string>& keys, const std::string& problem, const std::string& remedy) const {
+  for (const std::string& setting : settings)
+    for (const std::string& key : keys)
+      if (setting.substr(0, setting.find('=')) == key) throw InputError("--set " + setting, problem, remedy);
+}
+
 std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
   if (!accuracy) return std::nullopt;
-  for (const std::string& setting : settings)
-    for (const std::string_view key : keys_of_accuracy())
-      if (setting.substr(0, setting.find('=')) == key)
-        throw InputError("--set " + setting, "sets a key that --accuracy chooses", "give either --accuracy or this key");
+  const auto keys = keys_of_accuracy();
+  refuse_settings({keys.begin(), keys.end()}, "sets a key that --accuracy chooses", "give either --accuracy or this key");
   return AccuracyTarget::parse(*accuracy);
 }
 

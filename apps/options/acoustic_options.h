@@ -32,6 +32,8 @@ struct AcousticOptions {
   void add_to(CLI::App& command, const std::string& default_preset);
   /// --accuracy, for commands that plan with it.
   void add_accuracy_to(CLI::App& command);
+  /// Throws InputError for a --set of one of these keys: a setting that changes nothing is an error.
+  void refuse_settings(const std::vector<std::string>& keys, const std::string& problem, const std::string& remedy) const;
   /// What --accuracy asks for, if anything.  Throws InputError for a setting of what it chooses.
   [[nodiscard]] std::optional<AccuracyTarget> accuracy_target() const;
   /// Preset, then what the channels need (harmonics as far as the tracers carry them; none for a microphone alike on all sides), then

@@ -259,14 +259,6 @@ std::vector<std::vector<std::string>> check_places(const AcousticScene& acoustic
   return warnings;
 }
 
-/// A setting that changes nothing is an error.
-void refuse_settings_of_trajectories(const std::vector<std::string>& settings) {
-  for (const std::string& setting : settings)
-    for (const char* key : {"temporal_reuse", "glide_paths"})
-      if (setting.starts_with(std::string(key) + "="))
-        throw InputError("--set " + setting, "has no effect on single responses", "leave it out, or use it with 'earshot walk'");
-}
-
 /// Each line once: warnings about a source are the same for all listeners.
 void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vector<std::vector<std::string>>& place_warnings) {
   for (const std::string& warning : odd_in_scene) print_warning(warning);
@@ -288,7 +280,8 @@ AcousticConfig config_of(const RirArguments& options) {
 }
 
 void run_rir(const RirArguments& options) {
-  refuse_settings_of_trajectories(options.acoustics.settings);
+  options.acoustics.refuse_settings({"temporal_reuse", "glide_paths"}, "has no effect on single responses",
+                                    "leave it out, or use it with 'earshot walk'");
   require(std::isfinite(options.gain), "--gain", options.gain, "must be a finite number");
   for (const double heading_deg : options.heading_deg)
     (void)options.acoustics.orientation(heading_deg, options.pitch_deg, options.roll_deg);  // before any work
