@@ -19,6 +19,7 @@ void add_dataset(CLI::App& app);
 void add_dataset_rir(CLI::App& dataset);       ///< `dataset rir`
 void add_dataset_convolve(CLI::App& dataset);  ///< `dataset convolve`
 void add_dataset_pano(CLI::App& dataset);      ///< `dataset pano`
+void add_dataset_grid(CLI::App& dataset);      ///< `dataset grid`
 void add_dataset_scenes(CLI::App& dataset);    ///< `dataset scenes`
 void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& exit_code);
 void add_plan(CLI::App& app);

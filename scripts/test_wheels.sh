@@ -29,7 +29,7 @@ failed=0
 # install ENVIRONMENT NUMPY WHEEL: pip's words go to ENVIRONMENT.log.
 install() {
   "$1/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 --only-binary numpy "numpy==$2" "$3[gym]" \
-    pettingzoo matplotlib omegaconf pytest hypothesis xxhash pygame array-api-compat opencv-python-headless moviepy >"$1.log" 2>&1
+    pettingzoo matplotlib omegaconf pytest hypothesis xxhash pygame array-api-compat opencv-python-headless moviepy networkx >"$1.log" 2>&1
 }
 
 for python in "${pythons[@]}"; do

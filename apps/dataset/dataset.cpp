@@ -96,6 +96,7 @@ void add_dataset(CLI::App& app) {
   add_dataset_convolve(*dataset);
   add_dataset_scenes(*dataset);
   add_dataset_pano(*dataset);
+  add_dataset_grid(*dataset);
 }
 
 }  // namespace earshot
