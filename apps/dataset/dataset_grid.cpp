@@ -45,7 +45,11 @@ AcousticOptions acoustics_of(const DatasetGridArguments& options, const GridData
 
 /// The head by its file and what is in it.
 std::string head_of(const AcousticOptions& acoustics) {
-  if (acoustics.layout().kind != ListenerKind::binaural) return "none";
+  if (acoustics.layout().kind != ListenerKind::binaural) {
+    if (!acoustics.hrtf.empty() || !acoustics.hrtf_orientation_deg.empty())
+      throw InputError("--channels " + acoustics.channels, "has no ears: --hrtf has no effect", "leave one of both out");
+    return "none";
+  }
   std::string text = acoustics.hrtf.empty() ? "sphere" : fmt::format("{} {}", acoustics.hrtf, hex64(hash64(read_file(acoustics.hrtf))));
   for (const double angle_deg : acoustics.hrtf_orientation_deg) text += fmt::format(" {}", angle_deg);
   return text;
