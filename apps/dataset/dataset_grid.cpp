@@ -88,8 +88,8 @@ void run_dataset_grid(const DatasetGridArguments& options) {
   GridReport report;
   const double seconds = write_with_progress(options.target, "dataset grid", "responses",
                                              [&](const CorpusRun& run) { report = write_grid_corpus(config, rendering, run); });
-  fmt::print("{}: {} points {} m apart on {:.1f} m2 of {}, {} edges; {} points that no edge joins to them are left out\n",
-             options.target.out, points.ears.size(), config.spacing_m, points.walkable_m2, scene.name(), points.edges, points.left_out);
+  fmt::print("{}: {} points on {:.1f} m2, {} edges; {} unconnected points are left out\n", options.target.out, points.ears.size(),
+             points.walkable_m2, points.edges, points.left_out);
   fmt::print("{}: {} responses in {:.1f} s, {:.1f} per second\n", options.target.out, report.responses, seconds,
              static_cast<double>(report.responses) / seconds);
   print_state(options.target, report.folders_missing,

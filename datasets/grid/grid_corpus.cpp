@@ -114,7 +114,7 @@ GridReport write_grid_corpus(const GridCorpusConfig& config, const GridRendering
   validate(run);
   validate(config.names);
   const std::size_t count = rendering.points.ears.size(), per_source = count * rendering.orientations.size();
-  const auto [dataset, scene] = config.names;
+  const std::string &dataset = config.names.dataset, &scene = config.names.scene;
   const std::string folder_name = fmt::format("{}/{}/{}", grid_folder(config.channels), dataset, scene);
   const AcousticConfig& acoustics = rendering.acoustics.config();
   const GridFiles files(

@@ -54,8 +54,9 @@ std::vector<GridNode> nodes_of(const Navmesh::Impl& nav, double spacing_m, glm::
       }
   }
   std::ranges::sort(nodes, {}, &GridNode::order);
-  const auto repeated = std::ranges::unique(nodes, [](const GridNode& a, const GridNode& b) { return a.is_same_place(b); });
-  nodes.erase(repeated.begin(), repeated.end());
+  // Not std::ranges: clang 14 takes no subranges of libstdc++ 12.
+  nodes.erase(std::unique(nodes.begin(), nodes.end(), [](const GridNode& a, const GridNode& b) { return a.is_same_place(b); }),
+              nodes.end());
   return nodes;
 }
 
@@ -69,9 +70,9 @@ std::vector<GridEdge> edges_of(const Navmesh& navmesh, const std::vector<GridNod
   const auto column_of = [](const GridNode& node) { return std::pair(node.row, node.column); };
   for (std::uint32_t i = 0; i < nodes.size(); ++i)
     for (const auto& [down, right] : {std::pair(0, 1), std::pair(1, 0)}) {
-      const auto there = std::ranges::equal_range(nodes, std::pair(nodes[i].row + down, nodes[i].column + right), {}, column_of);
-      for (const GridNode& node : there)
-        if (can_walk(navmesh, nodes[i].foot, node.foot)) edges.emplace_back(i, static_cast<std::uint32_t>(&node - nodes.data()));
+      const std::pair there(nodes[i].row + down, nodes[i].column + right);
+      for (auto node = std::ranges::lower_bound(nodes, there, {}, column_of); node != nodes.end() && column_of(*node) == there; ++node)
+        if (can_walk(navmesh, nodes[i].foot, node->foot)) edges.emplace_back(i, static_cast<std::uint32_t>(node - nodes.begin()));
     }
   std::ranges::sort(edges);
   return edges;
