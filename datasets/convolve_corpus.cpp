@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "datasets/corpus_parts.h"
-#include "datasets/label_number.h"
+#include "datasets/labels/label_number.h"
 #include "datasets/response_index.h"
 #include "datasets/reverberant_mixture.h"
 #include "sim/audio/head/loudspeaker_layout.h"

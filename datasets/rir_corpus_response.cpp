@@ -13,8 +13,8 @@
 #include <optional>
 #include <span>
 
-#include "datasets/label_number.h"
-#include "datasets/response_labels.h"
+#include "datasets/labels/label_number.h"
+#include "datasets/labels/response_labels.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/files.h"

@@ -15,7 +15,7 @@
 #include "datasets/corpus_parts.h"
 #include "datasets/corpus_sounds.h"
 #include "datasets/diffuse_level.h"
-#include "datasets/label_number.h"
+#include "datasets/labels/label_number.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
 #include "datasets/sound_scene_events.h"

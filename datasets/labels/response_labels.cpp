@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "datasets/response_labels.h"
+#include "datasets/labels/response_labels.h"
 
 #include <algorithm>
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
-#include "datasets/label_number.h"
+#include "datasets/labels/label_number.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/source_field/source_field.h"
 
