@@ -114,11 +114,11 @@ TEST_F(HeldOutCli, TheTrainingHasTheSameBits) {
   for (const std::string workers : {"1", "2"}) {
     const std::string train = "train " + config_ + " --overwrite total_steps=96 --workers " + workers;
     expect_done(train + " out=" + path("off"));
-    expect_done(train + " out=" + path("on") + " held_out.every_updates=1");
-    expect_done(train + " out=" + path("threads") + " held_out.every_updates=1 env.threads=3");
+    expect_done(train + " out=" + path("on") + " held_out.every_updates=2");
+    expect_done(train + " out=" + path("threads") + " held_out.every_updates=2 env.threads=3");
     EXPECT_EQ(bits_of("off/checkpoints/last.ckpt"), bits_of("on/checkpoints/last.ckpt")) << workers;
     expect_same_run("on", "threads");
-    EXPECT_EQ(evaluations("on").size(), workers == "1" ? 12u : 6u);
+    EXPECT_EQ(evaluations("on").size(), workers == "1" ? 6u : 3u);
     EXPECT_TRUE(evaluations("off").empty());
   }
 }
