@@ -10,6 +10,7 @@
 #include "tests/support/error_message.h"
 #include "tests/support/files/test_data.h"
 #include "tests/support/programs/cli.h"
+#include "trainer/run/run_config.h"
 
 namespace earshot {
 namespace {
@@ -152,17 +153,25 @@ TEST_F(Cli, NumbersMeanTheSameInFilesAndOnTheCommandLine) {
                                                                  {"1.5", false},
                                                                  {".inf", false},
                                                                  {".nan", false}}};
-  const std::string good = "missing.json.gz";
-  const std::string plain = write("p.yaml", run_text(""));
+  const auto refusal = [](const std::string& keys, const std::vector<std::string>& overrides) {
+    return error_message([&] { static_cast<void>(parse_run_config(run_text(keys), "r.yaml", overrides)); });
+  };
   for (const auto& [number, is_good] : numbers) {
-    const std::string in_file = write("f.yaml", run_text("total_steps: " + std::string(number) + "\n"));
     const std::string bad = std::string("total_steps is ") + number + "; use a whole number";
-    expect_bad_input("train " + in_file + (is_good ? std::string(" seed=") + number : ""), is_good ? good : bad);
-    if (!is_good) expect_bad_input("train " + plain + " total_steps=" + number, bad);
+    EXPECT_THAT(refusal(std::string("total_steps: ") + number + "\n", {}), HasSubstr(is_good ? "no error" : bad));
+    if (is_good)
+      EXPECT_EQ(refusal("", {std::string("seed=") + number}), "no error");
+    else
+      EXPECT_THAT(refusal("", {std::string("total_steps=") + number}), HasSubstr(bad));
     const std::string options = " --speech nowhere --out " + file("out") + " --count " + number;
     expect_bad_input("dataset convolve nowhere" + options,
                      is_good ? "nowhere" : std::string("'") + number + "' is no whole decimal number");
   }
+  // As the command has them, one of each.
+  const std::string in_file = write("f.yaml", run_text("total_steps: 010\n")), bad_file = write("b.yaml", run_text("total_steps: 0x10\n"));
+  expect_bad_input("train " + in_file + " seed=08", "missing.json.gz");
+  expect_bad_input("train " + bad_file, "total_steps is 0x10; use a whole number");
+  expect_bad_input("train " + in_file + " total_steps=1_000", "total_steps is 1_000; use a whole number");
   // Eight would be one of the two results of an octal reader: 010 samples wide is ten.
   const CliOutcome ten = earshot("render shoebox:6x3x4 --pose 1,0,2,0 --size 010x010 --out " + file("a.png"));
   EXPECT_EQ(ten.exit_code, 0) << ten.errors;
