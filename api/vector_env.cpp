@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
 #include "api/convert.h"
 #include "api/episode_set_model.h"
 #include "api/input_files.h"
+#include "api/navigation_model.h"
 #include "api/vector_env_model.h"
 #include "earshot/env.h"
 #include "envs/config/batch_config.h"
@@ -46,6 +50,8 @@ std::unique_ptr<VectorEnv::Model> make_batch(const Config& config, const VectorE
   return model;
 }
 
+constexpr std::uint64_t kLargestInt = std::numeric_limits<int>::max();
+
 RecvOrder order_of(bool as_sent) { return as_sent ? RecvOrder::as_sent : RecvOrder::as_ready; }
 
 EpisodeResult result_of(const FinishedEpisode& episode) {
@@ -82,6 +88,20 @@ VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
 
 void VectorEnv::reset() { model_->env.reset(); }
 void VectorEnv::reset(std::span<const std::uint8_t> mask, std::span<const std::uint64_t> seeds) { model_->env.reset(mask, seeds); }
+void VectorEnv::begin_episode(int env, std::uint64_t index) {
+  if (const auto fault = model_->env.begin(env, index, static_cast<int>(std::min<std::uint64_t>(index, kLargestInt)), 0)) {
+    const earshot::Episode& episode = model_->set->episodes[index];
+    throw InputError("episode '" + episode.episode_id + "' in " + episode.scene_id, fault->detail,
+                     "restore the missing files, or correct it");
+  }
+}
+void VectorEnv::place(int env, const AgentPose& pose, int steps) {
+  const int agents = model_->env.config().agents;
+  require_finite(pose.position, "place");
+  require(std::isfinite(pose.heading_rad), "place", pose.heading_rad, "must have a finite heading");
+  const auto scene = model_->env.source(env * agents).scene;
+  model_->env.place(env, {scene->scene->to_local(glm_of(pose.position)), pose.heading_rad}, steps);
+}
 void VectorEnv::step(std::span<const std::int32_t> actions) { model_->env.step(actions); }
 void VectorEnv::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) { model_->env.send(envs, actions); }
 void VectorEnv::wait_ready(int min_ready, bool as_sent) { model_->env.wait_ready(min_ready, order_of(as_sent)); }
@@ -136,6 +156,10 @@ std::vector<InputFile> VectorEnv::input_files() const { return input_files_of(mo
 AgentPose VectorEnv::pose(int row) const {
   const Pose pose = model_->env.agent(row).pose;
   return {vec3_of(model_->env.source(row).scene->scene->to_world(pose.position)), pose.heading_rad};
+}
+Navigation VectorEnv::navigation(int row) const {
+  const std::shared_ptr<const EnvScene> scene = model_->env.source(row).scene;
+  return navigation_of({scene, scene->scene.get()}, {scene, &scene->navmesh});
 }
 std::string VectorEnv::scene_name(int row) const { return model_->env.source(row).scene->scene->name(); }
 std::uint64_t VectorEnv::episode_index(int row) const { return model_->env.agent(row).episode_index; }

@@ -134,8 +134,19 @@ void BatchedEnv::send(std::span<const std::int32_t> envs, std::span<const std::i
 void BatchedEnv::wait_ready(int min_ready, RecvOrder order) { impl_->scheduler.wait_ready(min_ready, order); }
 bool BatchedEnv::works_in_background() const { return impl_->scheduler.workers().is_busy() || impl_->setup.scenes->loads_ahead(); }
 std::span<const std::int32_t> BatchedEnv::recv(int min_ready, RecvOrder order) { return impl_->scheduler.recv(min_ready, order); }
-std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count) {
-  return impl_->scheduler.begin(env, episode_index, episode_count);
+std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_index, int episode_count, std::optional<std::uint32_t> stream) {
+  return impl_->scheduler.begin(env, episode_index, episode_count, stream);
+}
+void BatchedEnv::place(int env, const Pose& pose, int steps) {
+  const std::size_t index = impl_->scheduler.index_of(env);
+  const auto& source = impl_->agents[index * impl_->setup.per_env].source;
+  Pose placed = pose;
+  if (source) {  // without an episode the scheduler refuses
+    const auto found = source->scene->navmesh.snap(pose.position);
+    if (!found) throw InputError("place", "is off the walkable surface", "choose a place on the floor");
+    placed.position = *found;
+  }
+  impl_->scheduler.place(env, placed, steps);
 }
 
 std::string BatchedEnv::save_state() const {

@@ -71,7 +71,8 @@ enum class EpisodePhase : std::uint8_t {
 /// The episode of one env and its agents, shared by the stages of a step.  Threads as Agent.
 struct EnvRun {
   EpisodePhase phase = EpisodePhase::idle;
-  int steps = 0;  ///< of the episode
+  int steps = 0;            ///< of the episode
+  bool was_placed = false;  ///< an agent stands where no action has brought it: the actions do not say where the env is
   std::span<Agent> agents;
   EpisodeSounds sounds;
   std::vector<GeodesicField> other_goals;

@@ -185,7 +185,8 @@ std::span<const std::int32_t> EnvScheduler::recv(int min_ready, RecvOrder order)
   return received_;
 }
 
-std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_index, int episode_count) {
+std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_index, int episode_count,
+                                               std::optional<std::uint32_t> stream) {
   refuse_while_under_way("begin");
   const std::size_t index = index_of(env);
   const std::size_t num_episodes = parts_.setup.set->episodes.size();
@@ -195,7 +196,7 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   require_settled(index, "begin");
   Environment& begun = envs_[index];
   begun.assign(Job::begin);
-  begun.seed(parts_.setup.config.seed, parts_.setup.global_id(index));
+  begun.seed(parts_.setup.config.seed, stream.value_or(parts_.setup.global_id(index)));
   begun.name_episode(episode_index, episode_count);
   has_started_ = true;
   submitted_.assign(1, static_cast<std::uint32_t>(env));
@@ -207,6 +208,33 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   begun.go_idle();
   begun.publish();
   return fault;
+}
+
+void EnvScheduler::place(int env, const Pose& pose, int steps) {
+  refuse_while_under_way("place");
+  const std::size_t index = index_of(env);
+  if (parts_.setup.per_env != 1) throw std::logic_error("BatchedEnv::place: environments have several agents; only single ones are placed");
+  if (steps < 0 || steps >= parts_.setup.config.task.max_steps)
+    throw std::invalid_argument(
+        fmt::format("BatchedEnv::place: step {} is out of range: episodes have {} steps", steps, parts_.setup.config.task.max_steps));
+  require_settled(index, "place");
+  if (!envs_[index].run().has_episode() || envs_[index].run().has_ended())
+    throw std::logic_error(fmt::format("BatchedEnv::place: environment {} is in no episode; begin one first", env));
+  envs_[index].name_place(pose, steps);
+  submitted_.assign(1, static_cast<std::uint32_t>(env));
+  run_all();
+  if (const FaultReport* found = envs_[index].run().fault()) {
+    const std::string detail = found->detail;
+    envs_[index].go_idle();
+    envs_[index].publish();
+    throw InputError("place", detail, "begin another episode");
+  }
+}
+
+EnvCursor EnvScheduler::cursor_of(std::size_t env) const {
+  if (envs_[env].run().was_placed && envs_[env].run().has_episode())
+    throw std::logic_error(fmt::format("BatchedEnv: environment {} cannot be saved: its agent was placed, by no action", env));
+  return envs_[env].cursor(stalled_[env] != 0);
 }
 
 void EnvScheduler::restore(std::span<const EnvCursor> cursors, bool has_started) {

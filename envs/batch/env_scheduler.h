@@ -38,7 +38,8 @@ class EnvScheduler {
   void send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions);
   void wait_ready(int min_ready, RecvOrder order);
   std::span<const std::int32_t> recv(int min_ready, RecvOrder order);
-  std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count);
+  std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count, std::optional<std::uint32_t> stream);
+  void place(int env, const Pose& pose, int steps);
   /// Of all envs; the cursors have been checked (batched_env.cpp).  has_started: whether any episode had begun when they were saved.
   void restore(std::span<const EnvCursor> cursors, bool has_started);
   void restore(std::size_t env, const EnvCursor& cursor);
@@ -50,7 +51,8 @@ class EnvScheduler {
   [[nodiscard]] bool is_under_way(std::size_t env) const { return send_state_[env] != SendState::at_rest; }
   /// Whether any episode has begun.
   [[nodiscard]] bool has_started() const { return has_started_; }
-  [[nodiscard]] EnvCursor cursor_of(std::size_t env) const { return envs_[env].cursor(stalled_[env] != 0); }
+  /// Throws std::logic_error where an agent was placed: no actions lead to where it is.
+  [[nodiscard]] EnvCursor cursor_of(std::size_t env) const;
   [[nodiscard]] std::span<const FinishedEpisode> finished() const { return finished_; }
   /// Sums since construction, up to the tasks that were gathered last.
   [[nodiscard]] BatchCounters counters() const;

@@ -48,6 +48,12 @@ void Environment::name_episode(std::uint64_t episode_index, int episode_count) {
   }
 }
 
+void Environment::name_place(const Pose& pose, int steps) {
+  job_ = Job::place;
+  place_ = pose;
+  place_steps_ = steps;
+}
+
 void Environment::take_actions(std::span<const std::int32_t> actions) {
   if (job_ != Job::step) return;
   for (std::size_t i = 0; i < actions.size(); ++i) {
@@ -171,6 +177,7 @@ void Environment::begin_task(HearingEngines* engines) {
   const Agent& lead = run_.agents.front();
   StageClock clock(run_.agents.front().seconds, 1);
   for (Agent& agent : run_.agents) agent.outcome = {};
+  if (job_ == Job::place) return place(engines);
   if (run_.has_ended()) run_.phase = EpisodePhase::running;
   if (job_ == Job::first) {
     for (Agent& agent : run_.agents) agent.episode_count = -1;
@@ -266,6 +273,22 @@ void Environment::restore(HearingEngines* engines) {
     if (!agent.waits) parts_.senses.keep(agent);
     agent.waits = false;
   }
+}
+
+/// The window of sound is that of an agent who has stood there.
+void Environment::place(HearingEngines* engines) {
+  Agent& agent = run_.agents.front();
+  agent.state.place(run_.goal_of(agent), place_.position, place_.heading_rad, place_steps_);
+  run_.steps = place_steps_;
+  run_.was_placed = true;
+  agent.pictures_are_current = false;
+  if (engines) {
+    run_.sounds.clear();
+    run_.sounds.begin(parts_.setup, run_.agents);
+    agent.hearing.seek(size_of(place_steps_) * size_of(parts_.setup.block_samples));
+    run_.sounds.move(parts_.setup, place_steps_, run_.agents, engines, run_.team.get());
+  }
+  parts_.senses.observe_start(run_, agent, engines);
 }
 
 /// In the step that found the fault: no reward, truncated, all observations zero, of all agents of the env.

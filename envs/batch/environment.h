@@ -27,6 +27,7 @@ enum class Job : std::uint8_t {
   rejoin,   ///< the next one, by a step after an abandoned task: the step must not be trained on
   begin,    ///< the episode that name_episode() has named
   restore,  ///< state of the cursor
+  place,    ///< the agent to where name_place() says
 };
 
 /// The objects that all envs of a batch share.
@@ -69,6 +70,8 @@ class Environment {
   void seed(std::uint64_t seed, std::uint32_t stream);
   /// The episode of Job::begin.
   void name_episode(std::uint64_t episode_index, int episode_count);
+  /// The place of Job::place, at the time of the end of step `steps`.
+  void name_place(const Pose& pose, int steps);
   /// The actions [agents] of a step; does nothing for another job.  Not in the task: the actions of an abandoned env are written to a file
   /// while its stage still runs.
   void take_actions(std::span<const std::int32_t> actions);
@@ -106,6 +109,7 @@ class Environment {
   /// Leaves a fault at an agent if the episode cannot begin.
   void begin_episode(std::uint64_t episode_index, int episode_count, HearingEngines* engines);
   void restore(HearingEngines* engines);
+  void place(HearingEngines* engines);
   void end_faulty_episode();
   void end_episode();
   void clear_rows();
@@ -114,6 +118,8 @@ class Environment {
   EnvRun run_;
   Job job_ = Job::step;
   EnvCursor cursor_;  ///< of Job::restore
+  Pose place_;        ///< of Job::place
+  int place_steps_ = 0;
   TaskResults results_;
   int faulty_in_a_row_ = 0;  ///< episodes that went wrong in a step, since one that did not
   std::size_t tasks_;        ///< steps, counted from the index of the env

@@ -47,6 +47,7 @@ void EpisodeEntry::prepare(EnvRun& run, std::uint64_t episode_index, int episode
   const std::size_t max_steps = size_of(setup_->config.task.max_steps);
   run.phase = EpisodePhase::running;
   run.steps = 0;
+  run.was_placed = false;
   for (Agent& agent : run.agents) {
     agent.fault.reset();
     agent.episode_index = episode_index;

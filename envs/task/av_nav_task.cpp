@@ -75,6 +75,19 @@ void AvNavState::begin(const TaskConfig&, const NearestGoal& goal, glm::vec3 sta
   silent_from_s_ = silent_from_s;
 }
 
+void AvNavState::place(const NearestGoal& goal, glm::vec3 position, double heading_rad, int steps) {
+  const std::optional<float> distance_m = goal.distance_m(position);
+  if (!distance_m || !std::isfinite(*distance_m))
+    throw InputError("place", "no walkable path leads from there to the goal", "choose a place on the floor that the goal is on");
+  position_ = position;
+  start_heading_rad_ = heading_rad;
+  heading_error_rad_ = 0;
+  turns_ = 0;
+  steps_ = steps;
+  distance_m_ = *distance_m;
+  collided_ = false;
+}
+
 double free_fraction(const BodiesAround& around, glm::vec3 from, glm::vec3 to) {
   constexpr double kClearanceM = 1e-4;  // stops this far before contact: far above the rounding of float positions
   const glm::dvec3 way(to - from);

@@ -85,6 +85,9 @@ class AvNavState {
   /// goal.
   void begin(const TaskConfig& config, const NearestGoal& goal, glm::vec3 start, double start_heading_rad, int oracle_actions,
              double silent_from_s = std::numeric_limits<double>::infinity());
+  /// Puts the agent elsewhere, as it is after `steps` steps: by no action, so that nothing of it counts for a metric but the distance to
+  /// the goal.  Throws InputError if no path leads from `position` to the goal.
+  void place(const NearestGoal& goal, glm::vec3 position, double heading_rad, int steps);
   /// Applies one action; returns the reward.  A forward step never goes back, whatever its error.  Afterwards terminated() (stop called),
   /// truncated() (out of steps) and collided() are current. around: a step forward ends where the first of them is met, and on the grid
   /// does not begin; that is a collision.

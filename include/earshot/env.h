@@ -14,6 +14,7 @@
 
 #include "earshot/config.h"
 #include "earshot/episodes.h"
+#include "earshot/navigation.h"
 #include "earshot/vec3.h"
 
 namespace earshot::api {
@@ -90,6 +91,16 @@ class VectorEnv {
 
   /// Starts the first episode of every env.
   void reset();
+  /// Starts episode number `index` of the set in one env; the other envs go on.  It has the bits of its turn with `order: once` in a batch
+  /// of one env, in any env.
+  /// @throws InputError if it cannot begin, std::out_of_range or std::invalid_argument for an env or an episode that does not exist.
+  void begin_episode(int env, std::uint64_t index);
+  /// Puts the agent of an env with one agent elsewhere and fills its observation, with the sound of an agent who has stood there before.
+  /// The env cannot be saved until its next episode.
+  /// @param pose   the nearest place on the floor is taken.
+  /// @param steps  the time, as that of the end of this step of the episode: [0, task.max_steps).
+  /// @throws InputError for a place off the floor or without a way to the goal; std::logic_error without a running episode.
+  void place(int env, const AgentPose& pose, int steps);
   /// Starts episodes in the envs whose flag is not 0.
   /// @param mask   [num_envs].
   /// @param seeds  [num_envs] or empty: an env with a seed begins the first episode of that seed's sequence.
@@ -142,6 +153,8 @@ class VectorEnv {
   [[nodiscard]] std::vector<InputFile> input_files() const;
 
   [[nodiscard]] AgentPose pose(int row) const;
+  /// The floor of the scene that the row is in; stays valid after the batch.
+  [[nodiscard]] Navigation navigation(int row) const;
   [[nodiscard]] std::string scene_name(int row) const;
   [[nodiscard]] std::uint64_t episode_index(int row) const;
 

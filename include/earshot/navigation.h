@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "earshot/scene.h"
@@ -47,8 +48,10 @@ class Navigation {
   /// @throws InputError if `from` is not on the walkable surface.
   [[nodiscard]] MoveResult move(const Vec3& from, const Vec3& displacement) const;
 
- private:
   struct Model;
+  explicit Navigation(std::shared_ptr<const Model> model) : model_(std::move(model)) {}  ///< for the library
+
+ private:
   std::shared_ptr<const Model> model_;
 };
 

@@ -207,6 +207,26 @@ class Batch:
         """Foot point in the coordinates of the scene's file, and heading in rad."""
         return self._engine.pose(self._row(row, "Batch.pose"))
 
+    def begin_episode(self, env: int, index: int) -> None:
+        """Begins episode number `index` of the set in one env; InputError where it cannot begin."""
+        self._engine.begin_episode(
+            self._env(env, "Batch.begin_episode"), check.integer(index, "Batch.begin_episode", "index", 0, LARGEST_INT)
+        )
+        self._is_known_to_have_started = True
+
+    def place(self, env: int, position: Sequence[float], heading_rad: float, steps: int = 0) -> None:
+        """Puts the agent of an env on the floor nearest to a foot point and fills its observation, with the sound after `steps` steps.
+
+        The env has one agent, and cannot be saved until its next episode.
+        """
+        x, y, z = (float(value) for value in position)
+        number = check.integer(steps, "Batch.place", "steps", 0, LARGEST_INT)
+        self._engine.place(self._env(env, "Batch.place"), x, y, z, float(heading_rad), number)
+
+    def navigation(self, row: int) -> _engine.Navigation:
+        """The walkable floor of the scene that the row is in."""
+        return self._engine.navigation(self._row(row, "Batch.navigation"))
+
     def scene_name(self, row: int) -> str:
         return self._engine.scene_name(self._row(row, "Batch.scene_name"))
 

@@ -193,6 +193,29 @@ void bind_episodes(BatchClass& batch) {
       "row"_a);
 }
 
+/// Single episodes and places, for simulators that choose them by themselves.
+void bind_places(BatchClass& batch) {
+  using namespace nb::literals;
+  batch.def(
+      "begin_episode",
+      [](const BatchHandle& self, int number, std::uint64_t index) {
+        call(self, "Batch.begin_episode", [=](RunningBatch& running) { running.env->begin_episode(number, index); });
+      },
+      "env"_a, "index"_a);
+  batch.def(
+      "place",
+      [](const BatchHandle& self, int number, double x, double y, double z, double heading_rad, int steps) {
+        call(self, "Batch.place", [=](RunningBatch& running) { running.env->place(number, {{x, y, z}, heading_rad}, steps); });
+      },
+      "env"_a, "x"_a, "y"_a, "z"_a, "heading_rad"_a, "steps"_a);
+  batch.def(
+      "navigation",
+      [](const BatchHandle& self, int row) {
+        return look(self, "Batch.navigation", [&](const VectorEnv& env) { return env.navigation(row); });
+      },
+      "row"_a);
+}
+
 void bind_state(BatchClass& batch) {
   using namespace nb::literals;
   batch.def(
@@ -244,6 +267,7 @@ void bind_batch(nb::module_& m) {
   bind_properties(batch);
   bind_arrays(batch);
   bind_episodes(batch);
+  bind_places(batch);
   bind_state(batch);
 }
 

@@ -30,6 +30,7 @@ Array<T> array_of(std::vector<T> values, std::initializer_list<std::size_t> shap
 void bind_errors(nb::module_& m);
 void bind_forks(nb::module_& m);
 void bind_scene(nb::module_& m);
+void bind_navigation(nb::module_& m);
 void bind_response(nb::module_& m);
 void bind_batch(nb::module_& m);
 

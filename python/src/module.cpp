@@ -73,5 +73,6 @@ NB_MODULE(_engine, m) {
   earshot::python::bind_forks(m);
   earshot::python::bind_scene(m);
   earshot::python::bind_response(m);
+  earshot::python::bind_navigation(m);
   earshot::python::bind_batch(m);
 }

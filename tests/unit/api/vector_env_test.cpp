@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 
 #include "earshot/env.h"
@@ -113,6 +114,94 @@ TEST(ApiVectorEnv, SnapshotsGoOnInAnotherEnvAndStatesInAnotherBatch) {
   EXPECT_EQ(other.pose(1).heading_rad, envs.pose(0).heading_rad);
   EXPECT_EQ(other.scene_name(1), envs.scene_name(0));
   EXPECT_FALSE(message_of<InputError>([&] { other.restore_state("damaged"); }).empty());
+}
+
+TEST(ApiVectorEnv, ANamedEpisodeHasTheBitsOfItsTurn) {
+  const auto config = api::Config::from_text(kBatchYaml);
+  const api::VectorEnvOptions once{.settings = {{"order", "once"}, {"autoreset", "off"}}};
+  api::VectorEnv in_turn(config, 1, once), named(config, 2, once);
+  const std::uint8_t mask[1] = {1};
+  for (int episode = 0; episode < 6; ++episode) {
+    in_turn.reset(mask);
+    named.begin_episode(1, static_cast<std::uint64_t>(episode));
+    ASSERT_EQ(named.episode_index(1), in_turn.episode_index(0));
+    EXPECT_EQ(named.active()[0], 0) << "the other env is not in an episode";
+    for (int step = 0; step < 3; ++step) {
+      for (const api::SensorInfo& sensor : in_turn.sensors()) {
+        const std::size_t bytes = in_turn.rows(sensor.name).size();
+        EXPECT_TRUE(same_bytes(in_turn.rows(sensor.name), named.rows(sensor.name).subspan(bytes, bytes))) << sensor.name << " " << episode;
+      }
+      const std::vector<std::int32_t> action = actions_of(step, 1);
+      in_turn.step(action);
+      named.send(std::vector<std::int32_t>{1}, action);
+      named.recv(1);
+    }
+  }
+  EXPECT_THROW(named.begin_episode(1, 6), std::invalid_argument);
+  EXPECT_THROW(named.begin_episode(2, 0), std::out_of_range);
+}
+
+TEST(ApiVectorEnv, APlacedAgentSeesAndHearsAsOneWhoseEpisodeBeginsThere) {
+  const auto config = api::Config::from_text(kBatchYaml);
+  const api::VectorEnvOptions off{.settings = {{"autoreset", "off"}}};
+  api::VectorEnv envs(config, 2, off);
+  for (std::uint64_t episode = 0; episode < 6; ++episode) {
+    envs.begin_episode(0, episode);
+    envs.begin_episode(1, episode);
+    const api::AgentPose start = envs.pose(0);
+    for (int step = 0; step < 4; ++step) {
+      envs.send(std::vector<std::int32_t>{1}, actions_of(step, 1));
+      envs.recv(1);
+    }
+    ASSERT_TRUE(start.position != envs.pose(1).position || start.heading_rad != envs.pose(1).heading_rad);
+    envs.place(1, start, 0);
+    EXPECT_EQ(envs.pose(1).position, start.position);
+    for (const api::SensorInfo& sensor : envs.sensors()) {
+      const std::size_t bytes = envs.rows(sensor.name).size() / 2;
+      EXPECT_TRUE(same_bytes(envs.rows(sensor.name).first(bytes), envs.rows(sensor.name).subspan(bytes))) << sensor.name << " " << episode;
+    }
+    EXPECT_THAT(message_of<std::logic_error>([&] { static_cast<void>(envs.snapshot(1)); }), HasSubstr("placed"));
+    EXPECT_THROW(static_cast<void>(envs.save_state()), std::logic_error);
+    EXPECT_FALSE(envs.snapshot(0).empty());
+  }
+  envs.begin_episode(1, 0);
+  EXPECT_FALSE(envs.snapshot(1).empty()) << "another episode has begun";
+}
+
+TEST(ApiVectorEnv, APlacedAgentWalksOnFromThereAndIsScoredThere) {
+  const auto config = api::Config::from_text(kBatchYaml);
+  api::VectorEnv envs(config, 1, {.settings = {{"autoreset", "off"}}});
+  envs.begin_episode(0, 2);
+  const api::Navigation floor = envs.navigation(0);
+  const api::Episode episode = api::EpisodeSet::generate(drawn_options())[2];
+  for (std::uint32_t draw = 0; draw < 20; ++draw) {
+    envs.begin_episode(0, 2);
+    const api::Vec3 place = floor.random_point(17, draw);
+    envs.place(0, {place, 0.3 * draw}, 3);
+    EXPECT_NEAR(envs.pose(0).position.x, place.x, 1e-6);
+    EXPECT_NEAR(envs.pose(0).position.z, place.z, 1e-6);
+    EXPECT_DOUBLE_EQ(envs.pose(0).heading_rad, 0.3 * draw);
+    envs.step(std::vector<std::int32_t>{0});
+    ASSERT_EQ(envs.finished().size(), 1u);
+    EXPECT_NEAR(envs.finished()[0].distance_to_goal_m, floor.distance_m(place, episode.goal).value(), 1e-6);
+    EXPECT_EQ(envs.finished()[0].steps, 4);
+  }
+}
+
+TEST(ApiVectorEnv, PlacesThatCannotBeTakenAreRefusedAndNothingMoves) {
+  const auto config = api::Config::from_text(kBatchYaml);
+  api::VectorEnv envs(config, 1, {.settings = {{"autoreset", "off"}}});
+  EXPECT_THROW(envs.place(0, {}, 0), std::logic_error) << "no episode";
+  envs.begin_episode(0, 1);
+  const api::AgentPose start = envs.pose(0);
+  EXPECT_THAT(message_of<InputError>([&] { envs.place(0, {{1000, 0, 0}, 0}, 0); }), HasSubstr("off the walkable surface"));
+  EXPECT_FALSE(message_of<InputError>([&] { envs.place(0, {{std::nan(""), 0, 0}, 0}, 0); }).empty());
+  EXPECT_THROW(envs.place(0, start, 9), std::invalid_argument) << "max_steps is 9";
+  EXPECT_THROW(envs.place(0, start, -1), std::invalid_argument);
+  EXPECT_EQ(envs.pose(0).position, start.position);
+  EXPECT_FALSE(envs.snapshot(0).empty());
+  envs.step(std::vector<std::int32_t>{0});
+  EXPECT_THROW(envs.place(0, start, 0), std::logic_error) << "its episode has ended";
 }
 
 TEST(ApiVectorEnv, EnvsUnderWayComeBackAsTheyWereSent) {
