@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Episodes of Habitat-Lab as episodes of the engine, and the sets of them that a simulator has opened."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import tempfile
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..._engine import InputError
+
+#: More episodes than these are opened scene by scene.
+MAX_OPENED = 20_000
+#: Of an episode that names none, where nothing is heard.
+SILENT_SOUND = "synth:telephone"
+
+_SCENE_SPEC = re.compile(r"[a-z_]+:")
+
+_has_warned_of_distractors = False
+
+
+def is_scene_of_earshot(scene_id: str) -> bool:
+    """Whether it is a scene such as "house:7", and no path."""
+    return _SCENE_SPEC.match(scene_id) is not None
+
+
+def engine_episode(episode: Any, hears: bool = False) -> dict[str, Any]:
+    """The episode in the layout of Earshot's sets.
+
+    hears: an episode without a sound raises InputError.
+    """
+    info = episode.info or {}
+    sound = getattr(episode, "sound_id", None) or info.get("sound")
+    if not sound and hears and not getattr(episode, "sources", None):
+        raise InputError(f"episode {episode.episode_id!r} names no sound (info.sound), and the agent has a sensor that hears")
+    positions = [_numbers(goal.position, 3, f"episode {episode.episode_id!r}: position of a goal") for goal in episode.goals]
+    start = _numbers(episode.start_position, 3, f"episode {episode.episode_id!r}: start_position")
+    values: dict[str, Any] = {
+        "episode_id": str(episode.episode_id),
+        "scene_id": episode.scene_id if is_scene_of_earshot(episode.scene_id) else os.path.abspath(episode.scene_id),
+        "start_position": start,
+        "start_rotation": _numbers(episode.start_rotation, 4, f"episode {episode.episode_id!r}: start_rotation"),
+        "goals": [{"position": position, "radius": goal.radius} for position, goal in zip(positions, episode.goals, strict=True)],
+        "info": {
+            "geodesic_distance": info.get("geodesic_distance") or max(math.dist(start, positions[0]), 1e-3),
+            "num_action": max(1, int(info.get("num_action") or 1)),
+            "sound": sound or SILENT_SOUND,
+        },
+    }
+    sources = _sources(episode, positions[0], sound)
+    if sources:
+        values["sources"] = sources
+    if getattr(episode, "noise_snr_db", None) is not None:
+        values["noise_snr_db"] = episode.noise_snr_db
+    return values
+
+
+def _sources(episode: Any, goal: list[float], sound: str | None) -> list[dict[str, Any]] | None:
+    if getattr(episode, "sources", None):
+        return list(episode.sources)
+    onset, duration = getattr(episode, "offset", None), getattr(episode, "duration", None)
+    if getattr(episode, "distractor_sound_id", None):
+        _warn_of_distractors()
+    if onset is None and duration is None:
+        return None
+    source = {"position": goal, "sound": sound, "goal": True, "onset_s": float(onset or 0)}
+    if duration is not None:
+        source["duration_s"] = float(duration)
+    return [source]
+
+
+def _warn_of_distractors() -> None:
+    global _has_warned_of_distractors
+    if not _has_warned_of_distractors:
+        warnings.warn("distractors of the episode set are left out: distractor_position_index names a point of a grid", stacklevel=2)
+    _has_warned_of_distractors = True
+
+
+def _numbers(values: Sequence[float], count: int, name: str) -> list[float]:
+    numbers = [float(value) for value in values]
+    if len(numbers) != count or not all(math.isfinite(value) for value in numbers):
+        raise InputError(f"{name} is {list(values)}; give {count} finite numbers")
+    return numbers
+
+
+class EpisodeBook:
+    """Numbers episodes and writes them to a set that the engine opens.
+
+    Episodes that are known beforehand are opened together; another one opens the set again, with all that came before it in its scene.
+    """
+
+    def __init__(self, hears: bool) -> None:
+        self.hears = hears
+        self._known: Sequence[Any] = ()
+        self._numbers: dict[str, int] = {}
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._count = 0
+
+    def know(self, episodes: Sequence[Any]) -> None:
+        """episodes: of the data set."""
+        self._known = episodes
+
+    def number_of(self, episode: Any) -> int | None:
+        """Index in the set that was written last; None: it is not in it."""
+        return self._numbers.get(_key(engine_episode(episode, self.hears)))
+
+    def write(self, episode: Any) -> Path:
+        """A new set with this episode and those that are known, in their order: the bits of an episode depend on its number."""
+        wanted = _key(engine_episode(episode, self.hears))
+        together = self._known
+        if len(self._known) > MAX_OPENED:
+            together = [other for other in self._known if other.scene_id == episode.scene_id][:MAX_OPENED]
+        texts = [_key(engine_episode(other, self.hears)) for other in together]
+        if wanted not in texts:  # one that was made by hand: keep those before it
+            scene = json.loads(wanted)["scene_id"]
+            texts += [*(text for text in self._numbers if json.loads(text)["scene_id"] == scene), wanted]
+        texts = list(dict.fromkeys(texts))
+        self._numbers = {text: number for number, text in enumerate(texts)}
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="earshot_habitat_")
+        self._count += 1
+        path = Path(self._folder.name) / f"{self._count}.json"
+        path.write_text('{"episodes":[' + ",\n".join(texts) + "]}", encoding="utf-8")
+        return path
+
+    def close(self) -> None:
+        if self._folder is not None:
+            self._folder.cleanup()
+        self._folder = None
+
+
+def _key(values: dict[str, Any]) -> str:
+    return json.dumps(values)
