@@ -131,10 +131,11 @@ def original_set(folder: Path, engine: Callable[..., Any]) -> Path:
     return path
 
 
-def l_shaped_room(path: Path, scale: float = 1.0) -> Path:
-    """An OBJ of a closed room, y up."""
+def l_shaped_room(path: Path, scale: float = 1.0, up: str = "y") -> Path:
+    """An OBJ of a closed room."""
     corners = [(scale * x, scale * z) for x, z in L_CORNERS]
-    lines = [f"v {x} 0 {z}" for x, z in corners] + [f"v {x} {L_HEIGHT_M} {z}" for x, z in corners]
+    places = [(x, height, z) for height in (0.0, L_HEIGHT_M) for x, z in corners]
+    lines = [f"v {x} {y} {z}" if up == "y" else f"v {x} {-z} {y}" for x, y, z in places]
     count = len(corners)
     for a in range(count):
         b = (a + 1) % count

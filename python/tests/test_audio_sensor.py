@@ -94,6 +94,9 @@ def test_materials_stay_through_reset_and_change_the_sound(tmp_path: Path) -> No
     assert np.square(soft).sum() < 0.7 * np.square(hard).sum()
     sensor.reset()
     assert np.array_equal(simulated(sensor), soft)
+    turned = AudioSensor(f"{l_shaped_room(tmp_path / 'turned.obj', up='z')},up=z", **FAST)
+    turned.setAudioMaterialsJSON(materials)
+    assert np.square(simulated(turned)).sum() == pytest.approx(np.square(soft).sum(), rel=0.1)
 
 
 def test_the_file_has_the_samples_of_the_response(tmp_path: Path) -> None:

@@ -300,6 +300,23 @@ def test_episodes_made_by_hand_and_walks_without_a_data_set(own: Path, tmp_path:
         assert env.get_metrics()["distance_to_goal"] == pytest.approx(env.sim.geodesic_distance(position(env), goal))
 
 
+def test_meshes_with_another_upward_axis_are_the_same_rooms(original: Path) -> None:
+    overrides = original_overrides(original)
+    scenes = original.parents[2] / "scenes" / "mp3d"
+    with habitat.Env(config_of(original, *overrides).habitat) as env:
+        expected = [walk(env, oracle) for _ in range(2)]
+    for number, name in enumerate(("AAAA", "BBBB")):
+        l_shaped_room(scenes / name / f"{name}.obj", scale=1 + 0.2 * number, up="z")
+    with habitat.Env(config_of(original, *overrides, "habitat.simulator.mesh='up=z'").habitat) as env:
+        found = [walk(env, oracle) for _ in range(2)]
+    for number, name in enumerate(("AAAA", "BBBB")):
+        l_shaped_room(scenes / name / f"{name}.obj", scale=1 + 0.2 * number)
+    for one, other in zip(expected, found, strict=True):
+        assert one[0] == other[0]
+        assert other[2]["success"] == 1.0
+        assert all(a["depth"] == pytest.approx(b["depth"], abs=1e-4) for a, b in zip(one[1], other[1], strict=True))
+
+
 def test_steps_after_the_end_and_wrong_actions_are_refused(own: Path) -> None:
     with habitat.Env(config_of(own).habitat) as env:
         with pytest.raises(earshot.RunError, match="no episode has begun"):

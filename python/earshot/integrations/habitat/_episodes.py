@@ -30,10 +30,17 @@ def is_scene_of_earshot(scene_id: str) -> bool:
     return _SCENE_SPEC.match(scene_id) is not None
 
 
-def engine_episode(episode: Any, hears: bool = False) -> dict[str, Any]:
+def scene_of(scene_id: str, mesh: str) -> str:
+    """The SCENE of an episode.  mesh: of a file, "up=z"."""
+    if is_scene_of_earshot(scene_id):
+        return scene_id
+    return os.path.abspath(scene_id) + (f",{mesh}" if mesh and "," not in scene_id else "")
+
+
+def engine_episode(episode: Any, hears: bool = False, mesh: str = "") -> dict[str, Any]:
     """The episode in the layout of Earshot's sets.
 
-    hears: an episode without a sound raises InputError.
+    hears: an episode without a sound raises InputError.  mesh: as of scene_of().
     """
     info = episode.info or {}
     sound = getattr(episode, "sound_id", None) or info.get("sound")
@@ -43,7 +50,7 @@ def engine_episode(episode: Any, hears: bool = False) -> dict[str, Any]:
     start = _numbers(episode.start_position, 3, f"episode {episode.episode_id!r}: start_position")
     values: dict[str, Any] = {
         "episode_id": str(episode.episode_id),
-        "scene_id": episode.scene_id if is_scene_of_earshot(episode.scene_id) else os.path.abspath(episode.scene_id),
+        "scene_id": scene_of(episode.scene_id, mesh),
         "start_position": start,
         "start_rotation": _numbers(episode.start_rotation, 4, f"episode {episode.episode_id!r}: start_rotation"),
         "goals": [{"position": position, "radius": goal.radius} for position, goal in zip(positions, episode.goals, strict=True)],
@@ -95,8 +102,10 @@ class EpisodeBook:
     Episodes that are known beforehand are opened together; another one opens the set again, with all that came before it in its scene.
     """
 
-    def __init__(self, hears: bool) -> None:
-        self.hears = hears
+    def __init__(self, mesh: str) -> None:
+        """mesh: as of scene_of()."""
+        self.hears = False  #: whether episodes without a sound are refused
+        self._mesh = mesh
         self._known: Sequence[Any] = ()
         self._numbers: dict[str, int] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -108,15 +117,15 @@ class EpisodeBook:
 
     def number_of(self, episode: Any) -> int | None:
         """Index in the set that was written last; None: it is not in it."""
-        return self._numbers.get(_key(engine_episode(episode, self.hears)))
+        return self._numbers.get(self._text(episode))
 
     def write(self, episode: Any) -> Path:
         """A new set with this episode and those that are known, in their order: the bits of an episode depend on its number."""
-        wanted = _key(engine_episode(episode, self.hears))
+        wanted = self._text(episode)
         together = self._known
         if len(self._known) > MAX_OPENED:
             together = [other for other in self._known if other.scene_id == episode.scene_id][:MAX_OPENED]
-        texts = [_key(engine_episode(other, self.hears)) for other in together]
+        texts = [self._text(other) for other in together]
         if wanted not in texts:  # one that was made by hand: keep those before it
             scene = json.loads(wanted)["scene_id"]
             texts += [*(text for text in self._numbers if json.loads(text)["scene_id"] == scene), wanted]
@@ -134,6 +143,5 @@ class EpisodeBook:
             self._folder.cleanup()
         self._folder = None
 
-
-def _key(values: dict[str, Any]) -> str:
-    return json.dumps(values)
+    def _text(self, episode: Any) -> str:
+        return json.dumps(engine_episode(episode, self.hears, self._mesh))

@@ -15,7 +15,7 @@ from ..._configs import config_text
 from ..._engine import InputError
 from ..._engine_batch import Batch
 from ._engine_config import HEARD, PICTURES, TRIAL_EPISODE, Camera, agent_of, camera_of, engine_keys, kind_of
-from ._episodes import EpisodeBook
+from ._episodes import EpisodeBook, scene_of
 
 ABOVE_FLOOR_M = 0.1  #: at which places are asked for: there must be some height
 Wanted = tuple[str, str, str, Any]  #: name, kind, array of the engine, config
@@ -30,7 +30,7 @@ class Worlds:
         self._cameras: list[Camera] = []
         self._observation: dict[str, Any] = {}
         self._wanted = self._read_sensors()
-        self.book = EpisodeBook(hears=False)
+        self.book = EpisodeBook(config.get("mesh", "") or "")
         self._batch: Batch | None = None
         self._opened_with = ""
         self._table: dict[str, spaces.Box] = {}
@@ -76,7 +76,8 @@ class Worlds:
         from ...acoustics import Scene
 
         agent = agent_of(config)
-        ends = Scene(config.scene).random_positions(2, height_m=ABOVE_FLOOR_M, seed=int(config.seed)) - (0, ABOVE_FLOOR_M, 0)
+        scene = Scene(scene_of(config.scene, config.get("mesh", "") or ""))
+        ends = scene.random_positions(2, height_m=ABOVE_FLOOR_M, seed=int(config.seed)) - (0, ABOVE_FLOOR_M, 0)
         has_start = agent.is_set_start_state
         return NavigationEpisode(
             episode_id="walk",

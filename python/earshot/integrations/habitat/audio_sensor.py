@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..._engine import InputError, RunError
 from ...acoustics import Scene, Source
 from ...responses import Response
+from ._episodes import scene_of
 
 EAR_HEIGHT_M = 1.5  #: of a listener that follows the agent of a simulator
 
@@ -132,9 +133,10 @@ class AudioSensor:
         return self._rir
 
     def _scene(self, sim: Any) -> Scene:
-        spec = self._spec if self._spec is not None else getattr(getattr(sim, "habitat_config", None), "scene", None)
-        if spec is None:
+        config: Any = getattr(sim, "habitat_config", None)
+        if self._spec is None and config is None:
             raise RunError("runSimulation: there is no scene; make the sensor with one, or pass a simulator")
+        spec = self._spec if self._spec is not None else scene_of(config.scene, config.get("mesh", ""))
         key = (spec, self._materials)
         if self._loaded is None or self._loaded[0] != key:
             self._source = None
@@ -144,10 +146,13 @@ class AudioSensor:
     def _load(self, spec: str) -> Scene:
         if self._materials is None:
             return Scene(spec, **self._options)
-        if spec.endswith((".yaml", ".yml")) or not Path(spec).is_file():
+        mesh, *options = spec.split(",")
+        if mesh.endswith((".yaml", ".yml")) or not Path(mesh).is_file():
             raise InputError(f"setAudioMaterialsJSON: scene {spec} is no mesh file; name the materials in its scene YAML")
         with tempfile.TemporaryDirectory(prefix="earshot_scene_") as folder:
-            text = {"mesh": os.path.abspath(spec), "materials": str(self._materials)}
+            text: dict[str, Any] = {"mesh": os.path.abspath(mesh), "materials": str(self._materials)}
+            for key, _, value in (option.partition("=") for option in options):  # unit=0.01, up=z
+                text["up" if key == "up" else f"{key}_m"] = value if key == "up" else float(value)
             file = Path(folder) / "scene.yaml"
             file.write_text(json.dumps(text), encoding="utf-8")
             return Scene(file, **self._options)

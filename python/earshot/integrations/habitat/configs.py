@@ -25,9 +25,13 @@ from omegaconf import II
 
 @dataclass
 class EarshotSimulatorConfig(lab.SimulatorConfig):
-    """earshot: keys of the section ``env`` of Earshot (``earshot config env``), over those that follow from Habitat-Lab's keys."""
+    """earshot: keys of the section ``env`` of Earshot (``earshot config env``), over those that follow from Habitat-Lab's keys.
+
+    mesh: of the files of scenes, "up=z" or "unit=0.01,up=z", as in a SCENE; without it they are in metres, y up.
+    """
 
     type: str = "Earshot-v0"
+    mesh: str = ""
     max_episode_steps: int = II("habitat.environment.max_episode_steps")
     earshot: dict[str, Any] = field(default_factory=dict)
 
