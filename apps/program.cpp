@@ -82,7 +82,8 @@ Program::Program(int argc, char** argv)
   app_.parse_complete_callback([this] { check_outputs_of(app_); });  // behind the whole line, before the command
   app_.footer(
       "SCENE is a mesh file (glb, gltf, obj, ply, stl; FILE,unit=0.01,up=z names unit and up axis), a point cloud (ply, pcd, xyz, las; "
-      "FILE,cell=0.05 names the voxels), shoebox:XxYxZ[@M], "
+      "FILE,cell=0.05 names the voxels), a scene of Habitat (scene_instance.json; scene_dataset_config.json,scene=NAME), "
+      "shoebox:XxYxZ[@M], "
       "house:SEED[,rooms=N][,area_m2=A][,detail_m=D], "
       "floor:SEED[,width_m=W][,length_m=L][,detail_m=D], or a scene YAML.\n" +
       exit_code_table());

@@ -11,6 +11,7 @@
 #include <glm/gtc/quaternion.hpp>
 #include <numbers>
 #include <set>
+#include <string_view>
 
 #include "envs/episodes/episode_generator.h"
 #include "envs/episodes/name_ranges.h"
@@ -100,6 +101,7 @@ glm::quat source_orientation(double heading_deg) { return glm::angleAxis(static_
 }  // namespace
 
 std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
+  constexpr std::string_view kHabitatEnd = ".scene_instance.json";
   static const std::set<std::string> endings{".glb", ".gltf", ".obj", ".ply", ".stl", ".yaml", ".yml"};
   std::vector<std::string> all;
   for (const std::string& scene : scenes) {
@@ -110,8 +112,10 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes) {
     }
     std::vector<std::string> files;
     for (const auto& entry : std::filesystem::directory_iterator(scene))
-      if (entry.is_regular_file() && endings.contains(entry.path().extension().string())) files.push_back(entry.path().string());
-    if (files.empty()) throw InputError(scene, "contains no .glb, .gltf, .obj, .ply, .stl or .yaml file", "give a folder with scenes");
+      if (entry.is_regular_file() && (endings.contains(entry.path().extension().string()) || entry.path().string().ends_with(kHabitatEnd)))
+        files.push_back(entry.path().string());
+    if (files.empty())
+      throw InputError(scene, "contains no .glb, .gltf, .obj, .ply, .stl, .scene_instance.json or .yaml file", "give a folder with scenes");
     std::ranges::sort(files);
     all.insert(all.end(), files.begin(), files.end());
   }

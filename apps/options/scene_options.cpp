@@ -31,8 +31,8 @@ std::vector<std::string> AxesOptions::applied_to(std::vector<std::string> scenes
 void SceneOptions::add_to(CLI::App& command) {
   command
       .add_option("SCENE", scene,
-                  "Mesh or point cloud file[,unit=METRES][,up=z][,cell=METRES], shoebox:XxYxZ[@M], house:SEED, floor:SEED, or scene YAML "
-                  "(see 'earshot --help')")
+                  "Mesh or point cloud file[,unit=METRES][,up=z][,cell=METRES], scene_instance.json, shoebox:XxYxZ[@M], house:SEED, "
+                  "floor:SEED, or scene YAML (see 'earshot --help')")
       ->required();
   axes.add_to(command);
 }

@@ -10,6 +10,8 @@
 #include "sim/base/text/listed.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/color.h"
+#include "sim/scene/habitat/habitat_looks.h"
+#include "sim/scene/habitat/habitat_scene.h"
 #include "sim/scene/materials/semantic_materials.h"
 #include "sim/scene/mesh_spec.h"
 #include "sim/scene/point_cloud/cloud_import.h"
@@ -134,12 +136,14 @@ std::shared_ptr<const Appearance> load_appearance(const Scene& scene, const Scen
   if (named.unit_m) config.import.unit_m = *named.unit_m;
   if (named.up) config.import.up = *named.up;
   const std::string extension = fold_case(std::filesystem::path(scene.name()).extension().string());
-  if (extension == ".yaml" || extension == ".yml") config = read_scene_config(scene.name());
+  if (!is_habitat_scene(scene.name()) && (extension == ".yaml" || extension == ".yml")) config = read_scene_config(scene.name());
   if (overrides.unit_m) config.import.unit_m = *overrides.unit_m;
   if (overrides.up) config.import.up = *overrides.up;
   VisualMesh file;
   const bool generated = config.mesh.starts_with("shoebox:") || config.mesh.starts_with("house:") || config.mesh.starts_with("floor:");
-  if (!generated && is_mesh_file(config.mesh) && !is_point_cloud(config.mesh))
+  if (!generated && is_habitat_scene(config.mesh))
+    file = read_habitat_looks(config.mesh, scene.origin_m(), options.largest_texture_px);
+  else if (!generated && is_mesh_file(config.mesh) && !is_point_cloud(config.mesh))
     file = read_visual_mesh(config.mesh, config.import, scene.origin_m(), options.largest_texture_px);
   appearance->warnings = file.warnings;
   appearance->triangle_color = colors_of(scene, file);

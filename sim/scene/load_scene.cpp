@@ -11,6 +11,8 @@
 #include "sim/scene/generators/floor_plan.h"
 #include "sim/scene/generators/house_generator.h"
 #include "sim/scene/generators/shoebox.h"
+#include "sim/scene/habitat/habitat_import.h"
+#include "sim/scene/habitat/habitat_scene.h"
 #include "sim/scene/materials/material_assignment.h"
 #include "sim/scene/mesh/mesh_simplify.h"
 #include "sim/scene/mesh_spec.h"
@@ -42,8 +44,9 @@ Geometry make_geometry(const SceneConfig& config, const MaterialDatabase& databa
     const MaterialDatabase builtin = MaterialDatabase::builtin();  // house materials are names of that one
     for (const std::string& name : geometry.mesh.material_names) geometry.slot_materials.emplace_back(builtin.get(name, spec));
   } else {
-    ImportedMesh imported =
-        is_point_cloud(spec) ? import_point_cloud(spec, config.import) : import_annotated_mesh(spec, config.import, config.annotations);
+    ImportedMesh imported = is_habitat_scene(spec) ? import_habitat_scene(spec)
+                            : is_point_cloud(spec) ? import_point_cloud(spec, config.import)
+                                                   : import_annotated_mesh(spec, config.import, config.annotations);
     geometry.mesh = std::move(imported.mesh);
     geometry.report = std::move(imported.report);
   }
@@ -79,13 +82,14 @@ void apply_choices(const std::string& spec, const MeshSpec& named, const SceneOv
   if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up) || (named.cell_m && overrides.cell_m))
     throw InputError(spec, "already names a unit, an up axis or a cell, but another one was given", "give it once");
   const bool is_file = is_mesh_file(config.mesh);
+  const char* what = is_habitat_scene(config.mesh) ? "is a scene of Habitat" : "is generated";
   if (overrides.unit_m) {
-    if (!is_file) throw InputError(spec, "is generated in metres and takes no unit", "leave out the unit");
+    if (!is_file) throw InputError(spec, fmt::format("{} in metres and takes no unit", what), "leave out the unit");
     require(*overrides.unit_m >= 1e-6 && *overrides.unit_m <= 1e6, "unit", *overrides.unit_m, "must be in [1e-6, 1e6] metres per unit");
   }
-  if (overrides.up && !is_file) throw InputError(spec, "is generated with y up and takes no up axis", "leave out the up axis");
+  if (overrides.up && !is_file) throw InputError(spec, fmt::format("{} with y up and takes no up axis", what), "leave out the up axis");
   if (overrides.cell_m) {
-    if (!is_file) throw InputError(spec, "is generated and takes no cell", "leave out the cell");
+    if (!is_file) throw InputError(spec, fmt::format("{} and takes no cell", what), "leave out the cell");
     require(*overrides.cell_m >= kMinCellM && *overrides.cell_m <= kMaxCellM, "cell", *overrides.cell_m, "must be in [0.001, 10] m");
   }
   if (const auto unit_m = named.unit_m ? named.unit_m : overrides.unit_m) config.import.unit_m = *unit_m, config.is_unit_given = true;
@@ -95,6 +99,7 @@ void apply_choices(const std::string& spec, const MeshSpec& named, const SceneOv
 }
 
 bool is_scene_yaml(const std::string& spec) {
+  if (is_habitat_scene(spec)) return false;
   const std::string extension = fold_case(std::filesystem::path(spec).extension().string());
   return extension == ".yaml" || extension == ".yml";
 }
@@ -102,13 +107,14 @@ bool is_scene_yaml(const std::string& spec) {
 }  // namespace
 
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
-  const bool yaml = is_scene_yaml(spec),
-             generated = spec.starts_with("shoebox:") || spec.starts_with("house:") || spec.starts_with("floor:");
-  const MeshSpec named = yaml || generated ? MeshSpec{.path = spec} : parse_mesh_spec(spec);
-  if (!yaml && !generated && !is_mesh_file(named.path)) {
+  const bool yaml = is_scene_yaml(spec), is_whole = yaml || is_habitat_scene(spec) || spec.starts_with("shoebox:") ||
+                                                    spec.starts_with("house:") || spec.starts_with("floor:");
+  const MeshSpec named = is_whole ? MeshSpec{.path = spec} : parse_mesh_spec(spec);
+  if (!is_whole && !is_mesh_file(named.path)) {
     refuse_other_formats(named.path);
     throw InputError(spec, "is not a scene",
-                     "give a glb, gltf, obj, ply, stl, pcd, xyz, las or yaml file, or write shoebox:XxYxZ[@M], house:SEED or floor:SEED");
+                     "give a glb, gltf, obj, ply, stl, pcd, xyz, las, scene_instance.json or yaml file, or write shoebox:XxYxZ[@M], "
+                     "house:SEED or floor:SEED");
   }
   SceneConfig config;
   if (yaml)
@@ -116,7 +122,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   else
     config.mesh = named.path;
   if (yaml && (config.is_up_given || config.is_unit_given || config.import.cell_m) && !is_mesh_file(config.mesh))
-    throw InputError(spec, "up, unit_m and cell_m have no effect on a generated mesh", "remove them");
+    throw InputError(spec, "up, unit_m and cell_m have no effect on a generated mesh or a scene of Habitat", "remove them");
   apply_choices(spec, named, overrides, config);
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
 
@@ -128,7 +134,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
   if (config.own_semantics) config.rules.semantics->require_materials(database);
   refuse_other_formats(config.mesh);
   if (config.annotations && (!is_mesh_file(config.mesh) || is_point_cloud(config.mesh)))
-    throw InputError(spec, "annotations have no effect on a generated mesh or a point cloud", "remove them");
+    throw InputError(spec, "annotations have no effect on a generated mesh, a point cloud or a scene of Habitat", "remove them");
   Geometry geometry = make_geometry(config, database);
   if (is_mesh_file(config.mesh))
     geometry.report.axes = FileAxes{.unit_m = config.import.unit_m,

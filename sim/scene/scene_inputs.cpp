@@ -14,6 +14,7 @@
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/annotations/annotation_files.h"
+#include "sim/scene/habitat/habitat_scene.h"
 #include "sim/scene/mesh_spec.h"
 #include "sim/scene/readers/mesh_import.h"
 #include "sim/scene/readers/obj_materials.h"
@@ -126,14 +127,8 @@ void add_mesh_file(InputHash& hash, const fs::path& mesh) {
   if (extension == ".obj") add_material_libraries(hash, mesh, bytes);
 }
 
-/// names: the file of annotations that the user names, or none.
-void add_mesh(InputHash& hash, const std::string& spec, const std::optional<fs::path>& names = std::nullopt) {
-  if (is_generated(spec)) return hash.add_text(spec);
-  const fs::path mesh(spec);
-  if (!is_mesh_file(mesh)) throw Unknown{};
+void add_annotated_mesh(InputHash& hash, const fs::path& mesh, const std::vector<AnnotationFiles>& pairs) {
   add_mesh_file(hash, mesh);
-  std::vector<AnnotationFiles> pairs = possible_annotations(mesh);
-  if (names) pairs = {{*names, carrier_beside(*names)}};
   for (const AnnotationFiles& files : pairs) {
     hash.add_existing(files.names);
     std::error_code error;
@@ -143,6 +138,28 @@ void add_mesh(InputHash& hash, const std::string& spec, const std::optional<fs::
     else
       hash.add_text("absent");
   }
+}
+
+void add_habitat_scene(InputHash& hash, const std::string& spec) {
+  const HabitatScene scene = read_habitat_scene(spec);
+  for (const fs::path& file : scene.files) hash.add_file(file);
+  std::vector<AnnotationFiles> pairs = possible_annotations(scene.stage.mesh);
+  if (scene.descriptor) pairs.push_back({*scene.descriptor, scene.semantic_mesh.value_or(scene.stage.mesh)});
+  add_annotated_mesh(hash, scene.stage.mesh, pairs);
+  std::set<fs::path> meshes;
+  for (const PlacedAsset& object : scene.objects)
+    if (meshes.insert(object.mesh).second) add_mesh_file(hash, object.mesh);
+}
+
+/// names: the file of annotations that the user names, or none.
+void add_mesh(InputHash& hash, const std::string& spec, const std::optional<fs::path>& names = std::nullopt) {
+  if (is_generated(spec)) return hash.add_text(spec);
+  if (is_habitat_scene(spec)) return add_habitat_scene(hash, spec);
+  const fs::path mesh(spec);
+  if (!is_mesh_file(mesh)) throw Unknown{};
+  std::vector<AnnotationFiles> pairs = possible_annotations(mesh);
+  if (names) pairs = {{*names, carrier_beside(*names)}};
+  add_annotated_mesh(hash, mesh, pairs);
 }
 
 void add_yaml(InputHash& hash, const fs::path& path) {
@@ -162,10 +179,10 @@ std::optional<InputHash> inputs_of(const std::string& spec) {
     InputHash hash;
     hash.add_text(spec);  // random materials depend on it
     const std::string extension = fold_case(fs::path(spec).extension().string());
-    if (!is_generated(spec) && (extension == ".yaml" || extension == ".yml"))
+    if (!is_generated(spec) && !is_habitat_scene(spec) && (extension == ".yaml" || extension == ".yml"))
       add_yaml(hash, spec);
     else
-      add_mesh(hash, is_generated(spec) ? spec : parse_mesh_spec(spec).path);
+      add_mesh(hash, is_generated(spec) || is_habitat_scene(spec) ? spec : parse_mesh_spec(spec).path);
     return hash;
   } catch (const Unknown&) {
     return std::nullopt;

@@ -106,6 +106,12 @@ std::optional<ImportedMesh> import_with_present(const fs::path& mesh, const std:
 
 }  // namespace
 
+ImportedMesh import_annotated_mesh(const fs::path& mesh, const MeshImportOptions& options, const AnnotationFiles& files) {
+  static_cast<void>(read_annotations(files.names));  // before the mesh: it may be missing or damaged
+  if (std::optional<ImportedMesh> imported = import_with_present(mesh, {files}, options)) return std::move(*imported);
+  return import_annotated_mesh(mesh, options, std::nullopt);
+}
+
 ImportedMesh import_annotated_mesh(const fs::path& mesh, const MeshImportOptions& options, const std::optional<fs::path>& annotations) {
   if (annotations) {
     ImportedMesh imported = import_with_named(mesh, options, *annotations);

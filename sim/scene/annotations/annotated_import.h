@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "sim/scene/annotations/annotation_files.h"
 #include "sim/scene/readers/mesh_import.h"
 
 namespace earshot {
@@ -15,5 +16,9 @@ namespace earshot {
 /// Throws InputError as import_mesh does, for a damaged file of annotations, and for a named one that no surface can be found for.
 ImportedMesh import_annotated_mesh(const std::filesystem::path& mesh, const MeshImportOptions& options,
                                    const std::optional<std::filesystem::path>& annotations);
+
+/// The same with annotations that a data set names for the mesh, which carries their numbers or colours itself or takes them from
+/// files.carrier.  Where the mesh itself should carry them and has none, it is read as without.
+ImportedMesh import_annotated_mesh(const std::filesystem::path& mesh, const MeshImportOptions& options, const AnnotationFiles& files);
 
 }  // namespace earshot

@@ -86,6 +86,8 @@ Annotations parse_replica_info(std::string_view text, const std::string& where) 
     json = parse_json(text);
   } catch (const nlohmann::json::parse_error& error) {
     throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "copy the file again");
+  } catch (const nlohmann::json::exception&) {
+    throw InputError(where, "has a number that is too large", "copy the file again");
   }
   return ReplicaInfo(where).take(json);
 }

@@ -22,21 +22,6 @@ constexpr std::array<const char*, 6> cloud_extensions{".pcd", ".xyz", ".pts", ".
 
 std::string folded_extension(const std::filesystem::path& path) { return fold_case(path.extension().string()); }
 
-void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportReport& report) {
-  const Bounds bounds = bounds_of(mesh);
-  const glm::dvec3 size = glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower);
-  const double largest_m = std::max({size.x, size.y, size.z});
-  if (largest_m > 500 || largest_m < 0.5) {
-    report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
-  }
-  if (position_step_m > 2e-6 * largest_m) {
-    report.warnings.push_back(
-        fmt::format("the mesh is so far from the origin that its coordinates are exact to {:.2g} m only, in a scene of {:.4g} m; move the "
-                    "mesh to the origin of the file",
-                    position_step_m, largest_m));
-  }
-}
-
 /// Whether an edge belongs to one triangle only.
 bool has_open_edge(const TriangleMesh& mesh) {
   std::vector<std::uint64_t> edges;
@@ -72,6 +57,21 @@ std::vector<std::string> read_file_parts(const std::filesystem::path& path, cons
 }
 
 }  // namespace
+
+void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportReport& report) {
+  const Bounds bounds = bounds_of(mesh);
+  const glm::dvec3 size = glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower);
+  const double largest_m = std::max({size.x, size.y, size.z});
+  if (largest_m > 500 || largest_m < 0.5) {
+    report.warnings.push_back(fmt::format("the scene is {:.4g} m in size: is the unit right? (unit_m in a scene YAML)", largest_m));
+  }
+  if (position_step_m > 2e-6 * largest_m) {
+    report.warnings.push_back(
+        fmt::format("the mesh is so far from the origin that its coordinates are exact to {:.2g} m only, in a scene of {:.4g} m; move the "
+                    "mesh to the origin of the file",
+                    position_step_m, largest_m));
+  }
+}
 
 bool is_mesh_file(const std::filesystem::path& path) {
   return std::find(extensions.begin(), extensions.end(), folded_extension(path)) != extensions.end() || has_cloud_extension(path);

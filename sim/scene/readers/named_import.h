@@ -18,4 +18,8 @@ struct NamedMesh {
 /// surfaces carry colours (glTF).  names: null for none.  Throws InputError as import_mesh and `names` do.
 NamedMesh import_named_mesh(const std::filesystem::path& path, const MeshImportOptions& options, SurfaceNames* names);
 
+/// Adds a warning for a scene of an unusual size, and for one so far from the origin that `position_step_m`, the spacing of its coordinates
+/// in the file, is coarse.
+void warn_about_size(const TriangleMesh& mesh, double position_step_m, ImportReport& report);
+
 }  // namespace earshot

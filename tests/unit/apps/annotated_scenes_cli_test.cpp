@@ -262,11 +262,11 @@ TEST_F(AnnotatedScenesCli, DamagedAndForeignFilesAreRefusedInOneLine) {
   write_in("h", "b.house", room.house());
   expect_bad_input("scene " + yaml("h", "plain.obj", "annotations: b.house\n"), "b_semantic.ply is not there");
   expect_bad_input("scene " + yaml("h", "shoebox:3x3x3", "annotations: b.house\n"),
-                   "annotations have no effect on a generated mesh or a point cloud");
-  const std::map<std::string, std::string> others{{"a.navmesh", "navigation mesh"},    {"a.scn", "Gibson"},
-                                                  {"a.house", "Matterport3D"},         {"a.semantic.txt", "HM3D"},
-                                                  {"info_semantic.json", "Replica"},   {"a.scene_dataset_config.json", "Habitat"},
-                                                  {"a.scene_instance.json", "Habitat"}};
+                   "annotations have no effect on a generated mesh, a point cloud or a scene of Habitat");
+  const std::map<std::string, std::string> others{{"a.navmesh", "navigation mesh"},  {"a.scn", "Gibson"},
+                                                  {"a.house", "Matterport3D"},       {"a.semantic.txt", "HM3D"},
+                                                  {"info_semantic.json", "Replica"}, {"a.object_config.json", "Habitat"},
+                                                  {"a.stage_config.json", "Habitat"}};
   for (const auto& [name, said] : others) {
     expect_bad_input("scene " + write(name, "x"), said);
     expect_bad_input("scene " + write("other.yaml", "mesh: " + name + "\n"), said);
