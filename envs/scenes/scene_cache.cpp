@@ -273,9 +273,12 @@ struct SceneCache::Impl {
 
 std::string resolve_scene(const std::string& scene_id, const std::filesystem::path& scene_root) {
   if (scene_root.empty() || std::filesystem::path(scene_id).is_absolute()) return scene_id;
-  const std::filesystem::path inside = scene_root / scene_id;
+  const std::string inside = (scene_root / scene_id).string();
   std::error_code ignored;  // "house:3" is not a file, which is not an error
-  return std::filesystem::exists(inside, ignored) ? inside.string() : scene_id;
+  // The file is what stands before a comma: "room.glb,unit=0.01".
+  for (std::size_t end = inside.size(); end != std::string::npos && end > scene_root.string().size(); end = inside.rfind(',', end - 1))
+    if (std::filesystem::exists(inside.substr(0, end), ignored)) return inside;
+  return scene_id;
 }
 
 SceneCache::SceneCache(const AcousticConfig& acoustics, const NavmeshConfig& navmesh, std::filesystem::path scene_root,

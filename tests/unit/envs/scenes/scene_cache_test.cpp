@@ -136,5 +136,20 @@ TEST(SceneCache, FailuresAreToldAndNotRemembered) {
   std::filesystem::remove_all(folder);
 }
 
+// A unit, an axis or the name of a scene stands behind the file, which is looked up under the root all the same.
+TEST(SceneCache, KeysBehindAFileLeaveItUnderTheRoot) {
+  const auto folder = std::filesystem::temp_directory_path() / ("earshot_scene_keys,1_" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder / "sub");
+  for (const char* name : {"sub/room.obj", "set.scene_dataset_config.json"}) std::ofstream(folder / name) << "x";
+  for (const std::string& inside :
+       {std::string("sub/room.obj"), std::string("sub/room.obj,unit=0.01"), std::string("sub/room.obj,unit=0.01,up=z"),
+        std::string("set.scene_dataset_config.json,scene=scenes/apt,1")})
+    EXPECT_EQ(resolve_scene(inside, folder), (folder / inside).string());
+  for (const std::string& other :
+       {std::string("house:3,rooms=4"), std::string("sub/other.obj,unit=0.01"), (folder / "sub/room.obj,up=z").string()})
+    EXPECT_EQ(resolve_scene(other, folder), other);
+  std::filesystem::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace earshot
