@@ -15,7 +15,7 @@
 
 namespace earshot {
 
-/// Argument of load_scene for a scene of an episode: a file under scene_root where there is one of this name, else the name itself.
+/// Argument of load_scene for a scene of an episode: below scene_root if its name, or that up to a comma, is a file there, else as it is.
 std::string resolve_scene(const std::string& scene_id, const std::filesystem::path& scene_root);
 
 /// Data of one goal in one scene, shared by agents and episodes.  Holds the scene alive.

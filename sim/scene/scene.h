@@ -84,8 +84,8 @@ struct SceneOverrides {
 };
 
 /// Loads any SCENE of the command line: a mesh file or a point cloud (`FILE[,unit=M][,up=z][,cell=M]`, mesh_spec.h), `shoebox:XxYxZ[@M]`
-/// (shoebox.h), `house:SEED[,key=value...]` (house_generator.h), `floor:SEED[,key=value...]` (floor_plan.h), or a scene YAML (keys:
-/// scene_config.h). Assignment of materials: material_assignment.h.  Throws InputError, one clear line.
+/// (shoebox.h), `house:SEED[,key=value...]` (house_generator.h), `floor:SEED[,key=value...]` (floor_plan.h), a scene YAML (keys:
+/// scene_config.h) or a scene of Habitat (habitat_scene.h).  Materials: material_assignment.h.  Throws InputError, one clear line.
 Scene load_scene(const std::string& spec, const SceneOverrides& overrides = {});
 
 }  // namespace earshot
