@@ -32,12 +32,12 @@ AcousticOptions acoustics_of(const DatasetGridArguments& options, const GridData
   AcousticOptions acoustics = options.acoustics;
   acoustics.refuse_settings({"threads"}, "has no effect on a grid", "use the option --threads");
   acoustics.refuse_settings({"temporal_reuse", "glide_paths"}, "has no effect on single responses", "leave it out");
-  if (!acoustics.rate_hz) acoustics.rate_hz = dataset.sample_rate_hz;
   const double length_s = options.length_s.value_or(kGridLengthS);
   if (options.length_s) acoustics.refuse_settings({"rir_length_s"}, "sets what --length sets", "give either --length or this key");
   require(length_s > 0 && length_s <= 60, "--length", length_s, "must be in (0, 60]");
   // Ahead of the user's, which replace them.  `high` traces paths from both ends, which no field replaces; threads share the sources.
-  std::vector<std::string> settings{"threads=1", fmt::format("rir_length_s={}", length_s)};
+  std::vector<std::string> settings{"threads=1", fmt::format("sample_rate_hz={}", dataset.sample_rate_hz),
+                                    fmt::format("rir_length_s={}", length_s)};
   if (acoustic_preset(acoustics.preset).source_rays == 0) settings.emplace_back("field=on");
   acoustics.settings.insert(acoustics.settings.begin(), settings.begin(), settings.end());
   return acoustics;

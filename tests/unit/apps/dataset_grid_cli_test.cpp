@@ -93,7 +93,8 @@ TEST_F(DatasetGridCli, ResponsesAreThoseOfTheCommandRir) {
 }
 
 TEST_F(DatasetGridCli, ResponsesFromASourceFieldAreThoseOfTheCommandRir) {
-  expect_responses_of_rir(kRoom, " --preset fast --set rir_length_s=0.1", " --spacing 1.5", " --set field=on", 2);
+  expect_responses_of_rir(kRoom, " --preset fast --set rir_length_s=0.1 --set sample_rate_hz=22050", " --spacing 1.5", " --set field=on",
+                          2);
 }
 
 TEST_F(DatasetGridCli, ResponsesOfAMeshAreThoseOfTheCommandRir) {
