@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/habitat/dataset_files.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "sim/base/errors.h"
@@ -19,6 +21,8 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
     entries.push_back(at->path().filename());
   return entries;
 }
+
+constexpr std::size_t kMaxMatches = 100'000;
 
 bool has_wildcard(const std::string& name) { return name.find_first_of("*?") != std::string::npos; }
 
@@ -51,6 +55,10 @@ std::vector<fs::path> find_files(const fs::path& pattern, const std::string& end
         if (!entry.string().starts_with('.') && glob_match(name, entry.string())) next.push_back(folder / entry);
     }
     found = std::move(next);
+    // Links to a folder above double them with each wildcard.
+    if (found.size() > kMaxMatches)
+      throw InputError(pattern.string(), fmt::format("matches more than {} files and folders", kMaxMatches),
+                       "name the folders in 'paths' without wildcards");
   }
   std::vector<fs::path> files;
   const auto add = [&](const fs::path& path) {

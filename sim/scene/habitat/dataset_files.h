@@ -15,7 +15,8 @@ std::filesystem::path path_within(const std::filesystem::path& root, const std::
                                   const JsonFields& fields, const char* key);
 
 /// Files that a path with the wildcards * and ? names: those that match, and of folders that match the files in them (not below), as far
-/// as their names end in `end` (in any case).  Sorted.  A folder that is not there has no files.
+/// as their names end in `end` (in any case).  Sorted.  A folder that is not there has no files.  Throws InputError where a part of the
+/// pattern matches over 100,000 paths.
 std::vector<std::filesystem::path> find_files(const std::filesystem::path& pattern, const std::string& end);
 
 /// Whether `name` ends in `end`, without case.
