@@ -27,7 +27,11 @@ beside=""
 results=$(mktemp -d)
 
 finish() {
-  if [ -n "$beside" ]; then kill -- "-$beside" 2>/dev/null || true; fi  # after an interrupt
+  if [ -n "$beside" ]; then  # after an interrupt
+    kill -- "-$beside" 2>/dev/null || true
+    wait "$beside" 2>/dev/null || true
+    cat "$results/beside.log" 2>/dev/null || true
+  fi
   if [ -n "$table" ]; then printf '\n%s%-26s %5d s\n' "$table" "in all" "$SECONDS"; fi
   if compgen -G "$results/*.xml" >/dev/null; then scripts/summarize_tests.sh "$results"/*.xml; fi
   if [ -f "$results/python.log" ]; then echo "  python tests:"; tail -n 12 "$results/python.log" | sed 's/^/      /'; fi
@@ -51,7 +55,7 @@ beside() {
   set -m  # a process group of its own
   (
     table="" failed=()
-    "$1" >"$results/beside.log" 2>&1
+    "$1" >"$results/beside.log" 2>&1 </dev/null
     printf '%s' "$table" >"$results/beside.table"
     printf '%s\n' "${failed[@]}" >"$results/beside.failed"
   ) &
