@@ -9,20 +9,16 @@
 #include <utility>
 
 #include "earshot/source.h"
+#include "envs/hearing/heard_files.h"
 #include "envs/hearing/sound_library.h"
 #include "envs/scenes/scene_cache.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/regular_file.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/scene_inputs.h"
 
 namespace earshot::api {
 namespace {
-
-constexpr std::size_t kMaxBytes = std::size_t{4} << 30;
-
-std::uint64_t hash_of_file(const std::filesystem::path& path) { return hash64(read_regular_file(path, kMaxBytes)); }
 
 /// By the time of its last change of any kind, which no program can set.
 void require_unchanged(const std::filesystem::path& file, timespec since) {

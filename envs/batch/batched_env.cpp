@@ -104,8 +104,9 @@ namespace {
 
 void BatchedEnv::Impl::check_inputs(const EnvState& state) const {
   if (state.set_hash != setup.set->hash) refuse_state("belongs to another episode set");
+  const FileHashes heard = heard_in_all(setup.heard);
   for (const auto& [name, hash] : state.heard)
-    if (const auto found = setup.heard.find(name); found != setup.heard.end() && found->second != hash)
+    if (const auto found = heard.find(name); found != heard.end() && found->second != hash)
       throw InputError(name, "has changed since the environment state was saved", "restore the file, or begin a new run");
 }
 
@@ -157,7 +158,7 @@ std::string BatchedEnv::save_state() const {
                  .total_envs = in.setup.total_envs,
                  .started = in.scheduler.has_started(),
                  .envs = {},
-                 .heard = in.setup.heard};
+                 .heard = heard_in_all(in.setup.heard)};
   in.scheduler.refuse_while_under_way("save_state");
   for (std::size_t env = 0; env < in.envs.size(); ++env) state.envs.push_back(in.scheduler.cursor_of(env));
   return encode(state);
@@ -180,13 +181,15 @@ std::string BatchedEnv::snapshot(int env) const {
   const std::size_t index = in.scheduler.index_of(env);
   if (in.scheduler.is_under_way(index))
     throw std::logic_error(fmt::format("BatchedEnv::snapshot: environment {} is still stepping; call recv() first", env));
+  const EnvCursor cursor = in.scheduler.cursor_of(index);
+  const bool has_episode = cursor.active && cursor.episode_index < in.setup.set->episodes.size();
   return encode({.set_hash = in.setup.set->hash,
                  .seed = in.setup.config.seed,
                  .first_env = 0,
                  .total_envs = 1,
                  .started = in.scheduler.has_started(),
-                 .envs = {in.scheduler.cursor_of(index)},
-                 .heard = in.setup.heard});
+                 .envs = {cursor},
+                 .heard = has_episode ? heard_in(in.setup.set->episodes[cursor.episode_index], in.setup.heard) : in.setup.heard.ears});
 }
 
 void BatchedEnv::restore(int env, std::string_view snapshot) {

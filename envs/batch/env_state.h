@@ -30,7 +30,7 @@ struct EnvState {
   int first_env = 0, total_envs = 0;
   bool started = false;
   std::vector<EnvCursor> envs;
-  HeardFiles heard = {};  ///< none in files of before
+  FileHashes heard = {};  ///< none in files of before
 };
 
 /// JSON with a version and a checksum.

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "sim/acoustics/model/solid_bodies.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
 #include "sim/base/memory_bytes.h"
@@ -66,7 +67,19 @@ void AcousticSurfaces::set_coefficients() {
     }
   }
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
+  find_solids();
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+}
+
+void AcousticSurfaces::find_solids() {
+  const TriangleMesh& mesh = scene_->mesh();
+  std::vector<std::uint8_t> damps(scene_->materials().size());
+  for (std::uint32_t slot = 0; slot < damps.size(); ++slot)
+    damps[slot] = std::ranges::any_of(transmission(slot), [](float tau) { return tau > 0; }) &&
+                  std::ranges::any_of(damping_db_per_m(slot), [](float damping) { return damping >= kSolidDampingDbPerM; });
+  if (std::ranges::find(damps, 1) == damps.end()) return;
+  solid_ = bounds_of_bodies(mesh);
+  for (std::size_t t = 0; t < solid_.size(); ++t) solid_[t] = solid_[t] && damps[mesh.triangle_material[t]];
 }
 
 void AcousticSurfaces::join_edges_to_planes() {
@@ -93,8 +106,8 @@ void AcousticSurfaces::average_absorption() {
 
 std::size_t AcousticSurfaces::bytes() const {
   std::size_t sum = sizeof(AcousticSurfaces) + bytes_of(reflectance_) + bytes_of(scattering_) + bytes_of(transmission_) +
-                    bytes_of(damping_) + bytes_of(planes_.planes) + bytes_of(planes_.plane_of_triangle) + bytes_of(folds_.planes) +
-                    bytes_of(folds_.depth_m) + bytes_of(folds_.some_plane) + bytes_of(folds_.fold_of_triangle);
+                    bytes_of(damping_) + bytes_of(solid_) + bytes_of(planes_.planes) + bytes_of(planes_.plane_of_triangle) +
+                    bytes_of(folds_.planes) + bytes_of(folds_.depth_m) + bytes_of(folds_.some_plane) + bytes_of(folds_.fold_of_triangle);
   if (diffraction_edges_) sum += diffraction_edges_->bytes();
   for (const PanelEdges* edges : {panel_edges_.get(), fold_edges_.get()}) sum += edges ? edges->bytes() : 0;
   return sum;

@@ -18,6 +18,9 @@ namespace earshot {
 
 class SpecularLobe;
 
+/// A material that damps sound by this much or more in one band fills the bodies that it bounds.
+inline constexpr float kSolidDampingDbPerM = 1.f;
+
 /// Results of the geometry search, which takes most of the time of this class.
 struct FoundGeometry {
   std::vector<DiffractionEdge> edges;  ///< with diffraction off: none
@@ -50,6 +53,8 @@ class AcousticSurfaces {
   [[nodiscard]] std::span<const float> scattering(std::uint32_t material) const { return row(scattering_, material); }
   [[nodiscard]] std::span<const float> transmission(std::uint32_t material) const { return row(transmission_, material); }
   [[nodiscard]] std::span<const float> damping_db_per_m(std::uint32_t material) const { return row(damping_, material); }  ///< inside it
+  /// Whether a triangle bounds a body that its material fills (solid_bodies.h): the material damps by kSolidDampingDbPerM in a band.
+  [[nodiscard]] bool bounds_solid(std::uint32_t triangle) const { return !solid_.empty() && solid_[triangle] != 0; }
   /// Does any material of the scene let energy through in any band?
   [[nodiscard]] bool transmits() const { return transmits_; }
   /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
@@ -83,6 +88,7 @@ class AcousticSurfaces {
   }
   void set_coefficients();
   void average_absorption();
+  void find_solids();
   void join_edges_to_planes();
 
   std::shared_ptr<const Scene> scene_;
@@ -92,6 +98,7 @@ class AcousticSurfaces {
   float diagonal_m_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, damping_;
   std::vector<double> mean_absorption_;
+  std::vector<std::uint8_t> solid_;  ///< by triangle; empty: none
   bool transmits_ = false;
   std::shared_ptr<const SpecularLobe> specular_lobe_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;

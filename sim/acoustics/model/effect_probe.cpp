@@ -248,7 +248,7 @@ class WallSurvey {
     glm::vec3 far{0};  ///< off the far side
     bool leads_to_air = false, leads_to_room = false;
   };
-  static constexpr float kOffM = 0.3f;
+  static constexpr float kOffM = 0.3f, kMaxCavityM = 2.f;
 
   /// Goes on through a second wall where the first one leads to no room: a wall may be two sheets with a cavity.  Leaves in passed_ what
   /// goes through.
@@ -265,6 +265,7 @@ class WallSurvey {
       const glm::vec3 far = crossing.exit - kOffM * hit.normal;
       const Hit next = rays.intersect(crossing.exit, direction);
       if (!next.valid()) return passage;
+      if (wall == 2 && at.distance_m > kMaxCavityM) return passage;
       const bool leads_to_room = is_room(surfaces_, far);
       if (leads_to_room || (wall == 1 && has_height(surfaces_, far))) {
         passage = {far, true, leads_to_room};

@@ -28,17 +28,15 @@ bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint3
          materials[a].speed_m_per_s == materials[b].speed_m_per_s;
 }
 
-bool is_solid(const AcousticSurfaces& surfaces, std::uint32_t material) {
-  return std::ranges::any_of(surfaces.damping_db_per_m(material), [](float damping) { return damping >= kSolidDampingDbPerM; });
-}
-
 /// The far face of the wall whose near face is `hit`, if the next face along the ray can be one.
 Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit, float reach_m) {
   const bool enters = meets_front(surfaces, direction, hit.triangle);
   const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kMinCosine), wall_m = kMaxWallThicknessM / cosine;
-  const bool solid = enters && is_solid(surfaces, surfaces.scene().mesh().triangle_material[hit.triangle]);
-  const Hit far = surfaces.scene().rays().intersect(start, direction, solid ? std::max(wall_m, reach_m) : wall_m);
+  const bool may_be_solid = enters && surfaces.bounds_solid(hit.triangle);
+  const Hit far = surfaces.scene().rays().intersect(start, direction, may_be_solid ? std::max(wall_m, reach_m) : wall_m);
   if (!far.valid() || enters == meets_front(surfaces, direction, far.triangle)) return {};
+  const bool solid = may_be_solid && surfaces.bounds_solid(far.triangle);
+  if (!solid && far.distance_m > wall_m) return {};
   // Corners and ends of walls: in at the front, out at the side.  Only outward windings tell that the way between is inside.
   const bool parallel = std::fabs(glm::dot(far.normal, hit.normal)) >= kParallel;
   if (!solid && !parallel && (!enters || far.distance_m > kMaxWallThicknessM)) return {};

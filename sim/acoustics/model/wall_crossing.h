@@ -12,10 +12,8 @@
 
 namespace earshot {
 
-/// Two faces further apart than this, measured across the wall, are two walls, unless their material is solid.
+/// Two faces further apart than this, measured across the wall, are two walls, unless they bound a solid.
 inline constexpr float kMaxWallThicknessM = 0.6f;
-/// A material that damps sound by this much or more in one band fills all that lies between its outward faces.
-inline constexpr float kSolidDampingDbPerM = 1.f;
 
 /// Length of a segment to a point that stops before what the point itself lies on, as EmbreeScene::occluded has it: a source or listener on
 /// a wall is before it.  Four times the spacing of floats there.
@@ -38,7 +36,7 @@ struct WallCrossing {
 /// (docs/evidence/oracles.md, O-22).  The next hit along the ray is the far face of the same wall if it has the opposite winding, a
 /// material of the same name and coefficients, and either a normal within 11 degrees and a distance of at most kMaxWallThicknessM across
 /// the wall, or, where the windings point outward (corners and ends of walls), a distance of at most kMaxWallThicknessM along the ray.
-/// Where the windings point outward and the material damps by kSolidDampingDbPerM, any distance within reach_m is inside, at any angle.
+/// Where both faces bound a solid (AcousticSurfaces::bounds_solid), any distance within reach_m is inside, at any angle.
 /// Everything else is a sheet.  Where three faces alternate, a pair whose windings point outward is a wall before one whose windings point
 /// inward, from either side of the ray.  Triangles that coincide are passed together (docs/evidence/stability.md, H-5).  Cost: one ray, two
 /// for a wall whose windings point inward.
