@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <system_error>
@@ -15,6 +16,7 @@
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/part_file.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/schema_version.h"
 
@@ -41,16 +43,6 @@ class Descriptor {
  private:
   int value_;
 };
-
-void write_whole(const std::filesystem::path& path, std::string_view bytes) {
-  const Descriptor file(path, O_WRONLY | O_CREAT | O_TRUNC);
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(file.value(), bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) fail(path, "cannot be written");
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-}
 
 void flush_to_disk(const std::filesystem::path& path, int flags) {
   const Descriptor file(path, flags);
@@ -150,12 +142,9 @@ std::vector<std::size_t> CorpusFolder::missing_rooms(std::size_t folder) const {
 }
 
 void CorpusFolder::write_sound(std::size_t room, const std::string& name, std::string_view bytes) const {
-  const std::filesystem::path path = file_path(room, name);
-  if (!files_below_.empty()) create_folder(path.parent_path());
-  // A reader of the folder finds whole files only; one name per file, so that what a killed run leaves behind is replaced.
-  const std::filesystem::path part = path.string() + ".part";
-  write_whole(part, bytes);
-  if (::rename(part.c_str(), path.c_str()) != 0) fail(path, "cannot be replaced");
+  PartFile file(file_path(room, name));  // a reader of the folder finds whole files only
+  file.append(bytes);
+  file.keep();
 }
 
 void CorpusFolder::finish_room(std::size_t room, const std::vector<std::string>& files, const std::string& lines) const {
@@ -211,22 +200,31 @@ std::size_t CorpusFolder::join_manifests(const std::vector<DerivedManifest>& der
   std::size_t missing = 0;
   for (std::size_t folder = 0; folder < count(); ++folder) missing += !is_complete(folder);
   if (missing > 0) return missing;
-  std::string all, recordings;
-  std::vector<std::string> derived_lines(derived.size());
+  // Folder by folder: the manifest of a large grid does not fit into memory.
+  PartFile all(out_ / "manifest.jsonl");
+  std::vector<std::pair<std::unique_ptr<PartFile>, std::function<std::string(const std::string&)>>> lists;
+  const auto add_list = [&](const std::string& name, std::function<std::string(const std::string&)> lines) {
+    lists.emplace_back(std::make_unique<PartFile>(out_ / name), std::move(lines));
+  };
+  if (num_channels_ > 0) add_list("recordings.jsonl", [this](const std::string& line) { return recording_line(line) + "\n"; });
+  for (const DerivedManifest& list : derived) add_list(list.name, list.lines);
   for (std::size_t folder = 0; folder < count(); ++folder) {
     const std::string lines = read_file(manifest_path(folder));
-    all += lines;
+    all.append(lines);
+    std::vector<std::string> of_folder(lists.size());
     for (std::size_t begin = 0; begin < lines.size();) {
       const std::size_t end = std::min(lines.find('\n', begin), lines.size());
       const std::string line = lines.substr(begin, end - begin);
-      if (num_channels_ > 0) recordings += recording_line(line) + "\n";
-      for (std::size_t i = 0; i < derived.size(); ++i) derived_lines[i] += derived[i].lines(line);
+      for (std::size_t i = 0; i < lists.size(); ++i) of_folder[i] += lists[i].second(line);
       begin = end + 1;
     }
+    for (std::size_t i = 0; i < lists.size(); ++i) lists[i].first->append(of_folder[i]);
   }
-  write_file_atomically(out_ / "manifest.jsonl", all);
-  if (num_channels_ > 0) write_file_atomically(out_ / "recordings.jsonl", recordings);
-  for (std::size_t i = 0; i < derived.size(); ++i) write_file_atomically(out_ / derived[i].name, derived_lines[i]);
+  all.flush();
+  for (const auto& [file, lines] : lists) file->flush();
+  all.keep();
+  for (const auto& [file, lines] : lists) file->keep();
+  flush_to_disk(out_, O_RDONLY | O_DIRECTORY);
   return 0;
 }
 
