@@ -59,6 +59,7 @@ GridCorpusConfig config_of(const DatasetGridArguments& options) {
   GridCorpusConfig config;
   config.names = GridNames::of(options.acoustics.scene.scene);
   if (!options.dataset.empty()) config.names.dataset = options.dataset;
+  if (options.dataset.empty() && !config.names.warning.empty()) print_warning(config.names.warning);
   if (!options.name.empty()) config.names.scene = options.name;
   validate(config.names);
   const GridDataset dataset = GridDataset::named(config.names.dataset);
@@ -67,6 +68,7 @@ GridCorpusConfig config_of(const DatasetGridArguments& options) {
   config.channels = options.acoustics.channels;
   static_cast<void>(grid_folder(config.channels));
   config.format = options.format == "zarr" ? GridFormat::zarr : GridFormat::wav;
+  config.overrides = options.acoustics.scene.overrides();
   if (!options.pictures.empty()) config.pictures_px = parse_picture_size(options.pictures, "128x128", "--pictures");
   return config;
 }

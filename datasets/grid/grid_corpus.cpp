@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +13,7 @@
 #include "datasets/corpus_folder.h"
 #include "datasets/grid/grid_files.h"
 #include "datasets/grid/grid_pictures.h"
+#include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/config_reader.h"
@@ -21,9 +21,6 @@
 
 namespace earshot {
 namespace {
-
-/// A line of the manifest takes no more.
-constexpr std::uint64_t kLineBytes = 1000;
 
 /// Renderer of one thread.
 class GridWorker {
@@ -75,16 +72,59 @@ std::string description_of(const GridCorpusConfig& config, const GridRendering& 
   return CorpusFolder::describe("grid", text, acoustics.sample_rate_hz, ListenerLayout::named(config.channels).channel_names());
 }
 
-/// Refuses a scene whose points are there and others: its responses to two ears and its harmonics are indexed by the same points.
-void check_metadata(const std::filesystem::path& file, const std::string& text) {
-  if (std::filesystem::exists(file) && read_file(file) != text)
-    throw InputError(file.string(), "lists other points than this run",
-                     "use the same scene and --spacing, another --name, or another folder");
-}
+/// What the responses to two ears and the harmonics of a scene have in common: points, and pictures if both have them.
+class SharedFiles {
+ public:
+  SharedFiles(const GridCorpusConfig& config, const GridRendering& rendering, const std::filesystem::path& out) {
+    const Scene& scene = rendering.acoustics.scene();
+    const std::filesystem::path names = std::filesystem::path(config.names.dataset) / config.names.scene,
+                                metadata = out / "metadata" / names;
+    const char *points = "lists other points than this run", *use = "use the same scene and --spacing, another --name, or another folder";
+    nlohmann::ordered_json of_scene{{"scene_hash", hex64(scene.hash())},
+                                    {"dataset", config.names.dataset},
+                                    {"spacing_m", config.spacing_m},
+                                    {"ear_height_m", config.ear_height_m}};
+    // scene.json last to be compared, first to be written: points without it are of no known scene.
+    files_.push_back({metadata / "points.txt", rendering.points.points_text, points, use});
+    files_.push_back({metadata / "edges.txt", rendering.points.edges_text, points, use});
+    files_.push_back({metadata / "scene.json", json_text(of_scene, 1) + "\n", "is of another scene, with other materials or air",
+                      "use the same scene, another --name, or another folder"});
+    needs_scene_ = metadata;
+    if (!config.pictures_px) return;
+    const auto& [width_px, height_px] = *config.pictures_px;
+    const nlohmann::ordered_json of_pictures{
+        {"scene", scene.name()}, {"scene_hash", hex64(scene.hash())}, {"width_px", width_px}, {"height_px", height_px}};
+    files_.push_back({out / "scene_observations" / names / "pictures.json", json_text(of_pictures, 1) + "\n",
+                      "is of pictures of another size or another scene",
+                      "use the same scene and --pictures, leave --pictures out, or use another --name or folder"});
+  }
+  void check() const {
+    for (const File& file : files_)
+      if (std::filesystem::exists(file.path) && read_file(file.path) != file.text)
+        throw InputError(file.path.string(), file.problem, file.advice);
+    if (std::filesystem::exists(needs_scene_ / "points.txt") && !std::filesystem::exists(needs_scene_ / "scene.json"))
+      throw InputError(needs_scene_.string(), "has points, but no scene.json that says of which scene",
+                       "use another --name or another folder");
+  }
+  void write() const {
+    for (auto file = files_.rbegin(); file != files_.rend(); ++file)
+      if (!std::filesystem::exists(file->path)) write_file_atomically(file->path, file->text);
+  }
 
-void write_metadata(const std::filesystem::path& file, const std::string& text) {
-  check_metadata(file, text);
-  if (!std::filesystem::exists(file)) write_file_atomically(file, text);
+ private:
+  struct File {
+    std::filesystem::path path;
+    std::string text;
+    const char *problem, *advice;
+  };
+  std::vector<File> files_;
+  std::filesystem::path needs_scene_;
+};
+
+void remove_file(const std::filesystem::path& file) {
+  std::error_code error;
+  std::filesystem::remove(file, error);
+  if (error) throw RunError(file.string(), "cannot be removed: " + error.message());
 }
 
 /// Refuses to begin what does not fit: the sizes of all files are known.
@@ -117,34 +157,31 @@ GridReport write_grid_corpus(const GridCorpusConfig& config, const GridRendering
   const std::string &dataset = config.names.dataset, &scene = config.names.scene;
   const std::string folder_name = fmt::format("{}/{}/{}", grid_folder(config.channels), dataset, scene);
   const AcousticConfig& acoustics = rendering.acoustics.config();
-  const GridFiles files(
-      {.folder = folder_name,
-       .num_points = count,
-       .num_channels = static_cast<std::size_t>(ListenerLayout::named(config.channels).num_channels()),
-       .num_samples = static_cast<std::size_t>(std::lround(static_cast<double>(acoustics.rir_length_s) * acoustics.sample_rate_hz)),
-       .has_azimuths = rendering.orientations.size() > 1,
-       .sample_rate_hz = acoustics.sample_rate_hz,
-       .format = config.format});
+  const GridFiles files({.folder = folder_name,
+                         .num_points = count,
+                         .num_channels = static_cast<std::size_t>(ListenerLayout::named(config.channels).num_channels()),
+                         .num_samples = static_cast<std::size_t>(rendering.tables->num_samples),
+                         .has_azimuths = rendering.orientations.size() > 1,
+                         .sample_rate_hz = acoustics.sample_rate_hz,
+                         .format = config.format});
   std::unique_ptr<const GridPictures> pictures;
   if (config.pictures_px)
-    pictures = std::make_unique<const GridPictures>(rendering.acoustics.scene(), config.pictures_px->first, config.pictures_px->second);
+    pictures = std::make_unique<const GridPictures>(rendering.acoustics.scene(), config.overrides, config.pictures_px->first,
+                                                    config.pictures_px->second);
 
   const CorpusFolder folder(run.out / folder_name, count, 1, acoustics.sample_rate_hz, 0, run.out);
-  const std::filesystem::path metadata = run.out / "metadata" / dataset / scene;
-  const std::uint64_t source_bytes = files.bytes_of_source() + count * kLineBytes + (pictures ? pictures->bytes() : 0);
+  const SharedFiles shared(config, rendering, run.out);
+  const std::uint64_t source_bytes = files.bytes_of_source() + (pictures ? pictures->bytes() : 0);
   std::uint64_t missing = 0;
   for (std::size_t source = 0; source < count; ++source) missing += run.shard.has(source) && !folder.is_complete(source);
   const std::string description = description_of(config, rendering);
-  if (std::filesystem::exists(run.out / folder_name / "corpus.json")) {
-    folder.begin(description);  // compares, and writes nothing
-  } else {
-    check_metadata(metadata / "points.txt", rendering.points.points_text);
-    check_metadata(metadata / "edges.txt", rendering.points.edges_text);
-  }
+  if (std::filesystem::exists(run.out / folder_name / "corpus.json")) folder.begin(description);  // compares, and writes nothing
+  shared.check();
   check_space(run.out, missing * source_bytes);
   folder.begin(description);
-  write_metadata(metadata / "points.txt", rendering.points.points_text);
-  write_metadata(metadata / "edges.txt", rendering.points.edges_text);
+  shared.write();
+  if (missing > 0)  // an array that is written again is not complete
+    for (const CorpusFile& file : files.index()) remove_file(run.out / file.name);
 
   const CorpusPartsReport done =
       complete_corpus(folder, run,

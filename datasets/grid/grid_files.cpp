@@ -18,6 +18,10 @@ namespace {
 /// Of a chunk of an array: what a reader of one response reads, and a file of the scene.
 constexpr std::size_t kMaxChunkBytes = std::size_t{4} << 20;
 constexpr std::uint64_t kBlockBytes = 4096, kWavHeaderBytes = 128;
+/// Of a line of the manifest, at most: the labels, and what the name of a file has after its folder, with quotes and comma.
+constexpr std::uint64_t kLabelBytes = 700, kFileNameBytes = 24;
+
+std::string array_folder(const GridFileSizes& sizes) { return sizes.folder + "/responses.zarr"; }
 
 std::size_t samples_of_pair(const GridFileSizes& sizes) { return sizes.num_azimuths() * sizes.num_channels * sizes.num_samples; }
 
@@ -63,7 +67,7 @@ class ZarrChunks final : public GridSourceFiles {
     bytes_.resize(chunk_.size() * sizeof(float));
     std::memcpy(bytes_.data(), chunk_.data(), bytes_.size());
     const char* const rest = sizes_.has_azimuths ? "0.0.0" : "0.0";
-    writer.write(fmt::format("{}.zarr/{}.{}.{}", sizes_.folder, source_, receiver / receivers_, rest), bytes_);
+    writer.write(fmt::format("{}/{}.{}.{}", array_folder(sizes_), source_, receiver / receivers_, rest), bytes_);
   }
   void label(std::size_t, nlohmann::ordered_json&) const override {}
 
@@ -94,17 +98,19 @@ std::vector<CorpusFile> GridFiles::index() const {
   chunks.insert(chunks.end(), shape.begin() + 2, shape.end());
   for (const char* name : {"channel", "sample"}) attributes["_ARRAY_DIMENSIONS"].push_back(name);
   attributes["sample_rate_hz"] = sizes_.sample_rate_hz;
-  return {{sizes_.folder + ".zarr/.zattrs", json_text(attributes, 1) + "\n"},
-          {sizes_.folder + ".zarr/.zarray", json_text(zarr_array(kFloat32, shape, chunks), 1) + "\n"}};
+  return {{array_folder(sizes_) + "/.zattrs", json_text(attributes, 1) + "\n"},
+          {array_folder(sizes_) + "/.zarray", json_text(zarr_array(kFloat32, shape, chunks), 1) + "\n"}};
 }
 
 std::uint64_t GridFiles::bytes_of_source() const {
   const auto in_blocks = [](std::uint64_t bytes) { return (bytes + kBlockBytes - 1) / kBlockBytes * kBlockBytes; };
+  const std::uint64_t names = sizes_.format == GridFormat::wav ? sizes_.num_azimuths() * (sizes_.folder.size() + kFileNameBytes) : 0,
+                      lines = 2 * sizes_.num_points * (kLabelBytes + names);
   if (sizes_.format == GridFormat::wav)
-    return sizes_.num_points * sizes_.num_azimuths() *
-           in_blocks(kWavHeaderBytes + sizes_.num_channels * sizes_.num_samples * sizeof(float));
+    return lines + sizes_.num_points * sizes_.num_azimuths() *
+                       in_blocks(kWavHeaderBytes + sizes_.num_channels * sizes_.num_samples * sizeof(float));
   const std::size_t receivers = receivers_per_chunk(sizes_);
-  return (sizes_.num_points + receivers - 1) / receivers * in_blocks(receivers * samples_of_pair(sizes_) * sizeof(float));
+  return lines + (sizes_.num_points + receivers - 1) / receivers * in_blocks(receivers * samples_of_pair(sizes_) * sizeof(float));
 }
 
 }  // namespace earshot

@@ -53,7 +53,7 @@ class GridFiles {
   [[nodiscard]] std::unique_ptr<GridSourceFiles> of_source(std::size_t source) const;
   /// What a complete grid has besides: the description of the array.
   [[nodiscard]] std::vector<CorpusFile> index() const;
-  /// On the disk, in whole blocks.
+  /// On the disk: files in whole blocks, and lines of the manifest, which are there twice.  At least what is written.
   [[nodiscard]] std::uint64_t bytes_of_source() const;
 
  private:

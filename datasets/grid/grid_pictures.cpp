@@ -18,8 +18,10 @@ std::string_view bytes_view(const std::vector<Value>& values) {
 
 }  // namespace
 
-GridPictures::GridPictures(const Scene& scene, int width_px, int height_px)
-    : scene_(scene), camera_(CameraSensorConfig{.width_px = width_px, .height_px = height_px}), appearance_(load_appearance(scene)) {}
+GridPictures::GridPictures(const Scene& scene, const SceneOverrides& overrides, int width_px, int height_px)
+    : scene_(scene),
+      camera_(CameraSensorConfig{.width_px = width_px, .height_px = height_px}),
+      appearance_(load_appearance(scene, overrides)) {}
 
 std::vector<CorpusFile> GridPictures::render(glm::vec3 foot, const std::string& prefix) const {
   const auto width = static_cast<std::size_t>(camera_.config().width_px), height = static_cast<std::size_t>(camera_.config().height_px);

@@ -10,6 +10,7 @@
 
 #include "envs/episodes/episode_generator.h"
 #include "sim/base/errors.h"
+#include "sim/base/text/text_match.h"
 #include "sim/nav/walk_grid.h"
 
 namespace earshot {
@@ -25,6 +26,9 @@ bool is_name_character(char c) {
 void validate_name(const std::string& option, const std::string& name) {
   if (name.empty() || name.front() == '.' || name.size() > 200 || !std::ranges::all_of(name, is_name_character))
     throw InputError(option + " " + name, "is no name of a folder", "use up to 200 letters, digits, '.', '-' and '_', the first no '.'");
+  const std::string ending = fold_case(std::filesystem::path(name).extension().string());
+  if (ending == ".zarr" || ending == ".pkl")
+    throw InputError(option + " " + name, "ends as the name of a file of a grid", "use a name without " + ending);
 }
 
 /// To the micrometre, and no -0.
@@ -43,11 +47,17 @@ GridNames GridNames::of(const std::string& scene_spec) {
   std::vector<std::string> parts;
   for (const auto& part : path) parts.push_back(part.string());
   for (std::size_t i = 0; i + 3 < parts.size(); ++i)
-    if (parts[i] == "scene_datasets") return {parts[i + 1], parts[i + 2]};
+    if (parts[i] == "scene_datasets") return {.dataset = parts[i + 1], .scene = parts[i + 2]};
   std::string name = std::filesystem::exists(path) ? path.stem().string() : text;
   for (char& c : name)
     if (!is_name_character(c)) c = '_';
-  return {"mp3d", name};
+  const bool is_among_sets = std::ranges::find(parts, "scene_datasets") != parts.end();
+  return {.dataset = "mp3d",
+          .scene = name,
+          .warning = is_among_sets ? text +
+                                         " has no folder of the scene as in scene_datasets/DATASET/SCENE/FILE, so DATASET is mp3d; "
+                                         "--dataset sets another"
+                                   : std::string()};
 }
 
 void validate(const GridNames& names) {

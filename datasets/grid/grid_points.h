@@ -24,11 +24,13 @@ struct GridDataset {
 /// DATASET and SCENE in the paths of the files of a scene.
 struct GridNames {
   std::string dataset, scene;
+  std::string warning = {};  ///< one line for a path in scene_datasets from which DATASET cannot be told
   /// Of a SCENE: both from a path with scene_datasets/DATASET/SCENE/ in it; otherwise mp3d, and the name of the file without its ending, or
   /// the text before the first comma with '_' for what is no letter, digit, dot, dash or underscore.
   static GridNames of(const std::string& scene_spec);
 };
-/// Throws InputError naming the option for a name that is no part of a path.
+/// Throws InputError naming the option for a name that is no part of a path, or that ends as the files which the name is given to: .zarr or
+/// .pkl.
 void validate(const GridNames& names);
 
 /// Points at which sources and listeners stand.

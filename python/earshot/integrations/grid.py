@@ -28,6 +28,7 @@ from ._common import require
 
 AZIMUTHS = (0, 90, 180, 270)  #: of responses, in degrees clockwise from -z seen from above
 HEADINGS = (0, 90, 180, 270)  #: of pictures, counter-clockwise
+_PICTURES = (("rgb", "uint8", 3), ("depth", "float32", 1))  # type and channels
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ class Grid:
         if edges.size and not (edges.min() >= 0 and edges.max() < len(rows)):
             raise InputError(f"{self.metadata / 'edges.txt'}: names a point that points.txt does not have; write the grid again")
         self.edges = edges  #: [E, 2] pairs of neighbours between which an agent can walk
-        self._arrays: dict[str, _ZarrArray] = {}
+        self._arrays: dict[str, _ZarrArray | None] = {}  # by folder; None: its responses are files
 
     def graph(self) -> Any:
         """A ``networkx.Graph`` whose nodes are the indices of the points, with their places on the floor as ``point``."""
@@ -70,13 +71,26 @@ class Grid:
         return _write_pickle(self.metadata / "graph.pkl", self.graph())
 
     def pictures(self) -> dict[tuple[int, int], dict[str, NDArray[Any]]]:
-        """Pictures by (point, heading in degrees): ``rgb`` uint8 [H, W, 3], ``depth`` float32 [H, W, 1], 1 at 10 m; empty without any."""
+        """Pictures by (point, heading in degrees): ``rgb`` uint8 [H, W, 3], ``depth`` float32 [H, W, 1], 1 at 10 m; empty without any.
+
+        All of them are in memory at once.
+
+        :raises InputError: A file is damaged, or its pictures have another size than those before.
+        """
         found: dict[tuple[int, int], dict[str, NDArray[Any]]] = {}
+        size: tuple[int, ...] | None = None
         for point in range(len(self.points)):
             stem = self._pictures_folder / str(point)
             if not Path(f"{stem}.depth.npy").exists():
                 continue
-            views = {kind: np.load(f"{stem}.{kind}.npy", allow_pickle=False) for kind in ("rgb", "depth")}
+            views = {kind: _read_views(Path(f"{stem}.{kind}.npy"), dtype, last) for kind, dtype, last in _PICTURES}
+            for kind, view in views.items():
+                size = size or view.shape[1:3]
+                if view.shape[1:3] != size:
+                    raise InputError(
+                        f"{stem}.{kind}.npy: has pictures of {view.shape[2]}x{view.shape[1]}, others have {size[1]}x{size[0]}; "
+                        "write the pictures again"
+                    )
             for index, heading in enumerate(HEADINGS):
                 found[point, heading] = {kind: view[index] for kind, view in views.items()}
         return found
@@ -110,8 +124,10 @@ class Grid:
             if not 0 <= index < len(self.points):
                 raise IndexError(f"Grid: {name} is {index}; the grid has points 0 to {len(self.points) - 1}")
         scene = self.folder / kind / self.dataset / self.scene
-        if scene.with_name(f"{self.scene}.zarr").is_dir():
-            array = self._arrays.setdefault(kind, _ZarrArray(scene.with_name(f"{self.scene}.zarr")))
+        if kind not in self._arrays:
+            self._arrays[kind] = _ZarrArray(scene / "responses.zarr") if _format(scene / "corpus.json") == "zarr" else None
+        array = self._arrays[kind]
+        if array is not None:
             of_pair = array.pair(source, receiver)
             return np.array(of_pair if azimuth is None else of_pair[azimuth])
         folder = scene if azimuth is None else scene / str(AZIMUTHS[azimuth])
@@ -138,6 +154,30 @@ class _ZarrArray:
             raise InputError(f"{path}: cannot be read as a chunk of the array ({error})") from error
         of_pair: NDArray[np.float32] = values[0, index]
         return of_pair
+
+
+def _format(corpus: Path) -> str:
+    """The ``--format`` that corpus.json states; files in folders without one, as the published ones are."""
+    if not corpus.exists():
+        return "wav"
+    try:
+        config: list[str] = json.loads(corpus.read_text(encoding="utf-8"))["config"].splitlines()
+        return next(line.removeprefix("format: ") for line in config if line.startswith("format: "))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, StopIteration) as error:
+        raise InputError(f"{corpus}: does not state the format of a grid ({error}); write the grid again") from error
+
+
+def _read_views(path: Path, dtype: str, channels: int) -> NDArray[Any]:
+    """[4, H, W, channels], one view per heading."""
+    try:
+        views = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); write the pictures again") from error
+    if views.dtype != dtype or views.ndim != 4 or views.shape[0] != len(HEADINGS) or views.shape[3] != channels:
+        raise InputError(
+            f"{path}: holds {views.dtype} {list(views.shape)}, not {dtype} [{len(HEADINGS)}, H, W, {channels}]; write the pictures again"
+        )
+    return np.asarray(views)
 
 
 def _rows(path: Path, columns: int) -> Floats:
@@ -169,11 +209,21 @@ def _read_wav(path: Path) -> NDArray[np.float32]:
         raise InputError(f"{path}: cannot be read ({error})") from error
 
 
+class _Pickler(pickle.Pickler):
+    """Writes arrays as calls of ``numpy.ndarray``.  NumPy names a private module, ``numpy._core`` or ``numpy.core`` by its version, which
+    other versions cannot load."""
+
+    def reducer_override(self, value: Any) -> Any:
+        if type(value) is not np.ndarray or value.dtype.kind not in "fiub":
+            return NotImplemented
+        return np.ndarray, (value.shape, value.dtype.str, bytearray(value.tobytes()))
+
+
 def _write_pickle(path: Path, value: Any) -> Path:
-    temporary = path.with_name(f"{path.name}.partial")
+    temporary = path.with_name(f"{path.name}.partial{os.getpid()}")
     try:
         with open(temporary, "wb") as file:
-            pickle.dump(value, file, protocol=4)
+            _Pickler(file, protocol=4).dump(value)
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error})") from error

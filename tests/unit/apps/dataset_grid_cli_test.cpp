@@ -14,7 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "datasets/grid/grid_files.h"
 #include "sim/base/random.h"
+#include "sim/vision/png_file.h"
 #include "tests/support/envs/rir_corpus_cases.h"
 #include "tests/support/files/test_data.h"
 #include "tests/support/programs/background_program.h"
@@ -57,6 +59,21 @@ class DatasetGridCli : public Cli {
       ears.z = -ears.z;  // the axes of the mesh have z up
     }
     return found;
+  }
+  /// A room of 3 x 2.5 x 3 m, seen from inside and outside alike, in units per metre; coloured: with z up, 2.6 m high, with a colour at
+  /// each corner.
+  [[nodiscard]] std::string write_box(const std::string& name, double units = 1, bool coloured = false) const {
+    std::filesystem::create_directories(std::filesystem::path(file(name)).parent_path());
+    std::string box;
+    for (int corner = 0; corner < 8; ++corner) {
+      box += fmt::format("v {} {} {}", corner & 1 ? 3 * units : 0, corner & 2 ? (coloured ? 3 : 2.5) * units : 0,
+                         corner & 4 ? (coloured ? 2.6 : 3) * units : 0);
+      for (std::uint32_t channel = 0; coloured && channel < 3; ++channel)
+        box += fmt::format(" {}", draw(500 + 3 * static_cast<std::uint32_t>(corner) + channel, 1000) / 1000.0);
+      box += '\n';
+    }
+    for (const char* face : {"1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"}) box += fmt::format("f {}\n", face);
+    return write(name, box);
   }
   [[nodiscard]] std::map<std::string, std::string> files_of(const std::string& name) const { return tree(folder_ / name); }
 
@@ -116,7 +133,7 @@ TEST_F(DatasetGridCli, PointsLieOnAGridAtTheHeightOfTheirDataSet) {
       for (const double shift : {ears[i].x - ears[0].x, ears[i].z - ears[0].z})
         EXPECT_NEAR(shift / spacing_m, std::round(shift / spacing_m), 1e-5);
     }
-    const nlohmann::json meta = parse_json(read(fmt::format("{}/binaural_rirs/{}/room.zarr/.zarray", dataset, dataset)));
+    const nlohmann::json meta = parse_json(read(fmt::format("{}/binaural_rirs/{}/room/responses.zarr/.zarray", dataset, dataset)));
     const nlohmann::json shape = {ears.size(), ears.size(), 4, 2, rate_hz / 10};
     EXPECT_EQ(meta["shape"], shape);
     EXPECT_EQ(lines_of(file(fmt::format("{}/binaural_rirs/{}/room/manifest.jsonl", dataset, dataset))).size(), ears.size() * ears.size());
@@ -129,7 +146,7 @@ TEST_F(DatasetGridCli, AnArrayHoldsTheSamplesOfTheFiles) {
     write_grid(common + file("files"));
     write_grid(common + file("array") + " --format zarr");
     const std::string kind = channels == "binaural" ? "binaural_rirs/mp3d/room" : "ambisonic_rirs/mp3d/room";
-    const nlohmann::json meta = parse_json(read("array/" + kind + ".zarr/.zarray"));
+    const nlohmann::json meta = parse_json(read("array/" + kind + "/responses.zarr/.zarray"));
     const auto count = meta["shape"][0].get<std::size_t>(), of_chunk = meta["chunks"][1].get<std::size_t>();
     EXPECT_EQ(meta["dtype"], "<f4");
     EXPECT_EQ(meta["compressor"], nullptr);
@@ -145,7 +162,7 @@ TEST_F(DatasetGridCli, AnArrayHoldsTheSamplesOfTheFiles) {
       }
       ASSERT_FALSE(expected.empty());
       const std::string chunk =
-          read(fmt::format("array/{}.zarr/{}.{}{}", kind, source, receiver / of_chunk, azimuths.size() > 1 ? ".0.0.0" : ".0.0"));
+          read(fmt::format("array/{}/responses.zarr/{}.{}{}", kind, source, receiver / of_chunk, azimuths.size() > 1 ? ".0.0.0" : ".0.0"));
       ASSERT_EQ(chunk.size(), of_chunk * expected.size() * sizeof(float));
       EXPECT_EQ(std::memcmp(chunk.data() + receiver % of_chunk * expected.size() * sizeof(float), expected.data(),
                             expected.size() * sizeof(float)),
@@ -174,15 +191,19 @@ TEST_F(DatasetGridCli, ProcessesThreadsAndKillsChangeNoByte) {
     // Killed while it writes the manifests of drawn sources, and completed.
     const auto count = static_cast<std::uint32_t>(points(tag + "whole/metadata/mp3d/room").size());
     std::string kind = form.find("ambisonic") == std::string::npos ? "binaural_rirs" : "ambisonic_rirs";
-    std::uint32_t from = 0;
+    std::uint32_t from = 0, killed = 0;
     for (std::uint32_t kill = 0; kill < 3; ++kill) {
       from += draw(300 + kill, count / 3);
       BackgroundProgram run("exec " + earshot_program().string() + " dataset grid " + scene + " --threads 2 --out " + file(tag + "killed"),
                             file("kill"));
-      BackgroundProgram::wait_for(folder_ / (tag + "killed") / kind / "mp3d/room/parts" / fmt::format("{:05}", from) / "manifest.jsonl");
+      ASSERT_TRUE(BackgroundProgram::wait_for(folder_ / (tag + "killed") / kind / "mp3d/room/parts" / fmt::format("{:05}", from) /
+                                              "manifest.jsonl"));
       run.signal(SIGKILL);
-      EXPECT_THAT(run.wait(), testing::AnyOf(0, 128 + SIGKILL));
+      const int code = run.wait();
+      ASSERT_THAT(code, testing::AnyOf(0, 128 + SIGKILL));
+      killed += code != 0;
     }
+    ASSERT_GE(killed, 1u) << "no run was killed before it was complete";
     write_grid(scene + " --out " + file(tag + "killed"));
     EXPECT_EQ(differences(files_of(tag + "killed"), whole), std::vector<std::string>{});
     write_grid(scene + " --out " + file(tag + "killed"));  // complete: nothing to do
@@ -203,6 +224,8 @@ TEST_F(DatasetGridCli, WhatCannotBeWrittenIsOneLineAndLeavesNothing) {
                                                         {room + " --hrtf none.sofa", "none.sofa"},
                                                         {room + " --name a/b", "--name a/b"},
                                                         {room + " --dataset ..", "--dataset .."},
+                                                        {room + " --name room.zarr", "use a name without .zarr"},
+                                                        {room + " --name room.PKL", "use a name without .pkl"},
                                                         {room + " --pictures 100", "--pictures 100"},
                                                         {room + " --pictures 9000x9000", "width"},
                                                         {room + " --length 0", "--length = 0"},
@@ -240,17 +263,99 @@ TEST_F(DatasetGridCli, AFolderThatWasBegunOtherwiseIsRefused) {
 }
 
 TEST_F(DatasetGridCli, NamesComeFromThePathOfTheScene) {
-  const std::string mesh = file("data/scene_datasets/replica/attic_2/habitat/mesh.obj");
-  std::filesystem::create_directories(std::filesystem::path(mesh).parent_path());
-  std::string box;  // 3 x 2.5 x 3 m, seen from inside and outside alike
-  for (int corner = 0; corner < 8; ++corner)
-    box += fmt::format("v {} {} {}\n", corner & 1 ? 3 : 0, corner & 2 ? 2.5 : 0, corner & 4 ? 3 : 0);
-  for (const char* face : {"1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"}) box += fmt::format("f {}\n", face);
-  write("data/scene_datasets/replica/attic_2/habitat/mesh.obj", box);
+  const std::string mesh = write_box("data/scene_datasets/replica/attic_2/habitat/mesh.obj");
   write_grid(mesh + kQuick + "--spacing 1.4 --out " + file("grid"));
   EXPECT_TRUE(std::filesystem::exists(folder_ / "grid/binaural_rirs/replica/attic_2/270/0_1.wav"));
   write_grid("house:3,rooms=1,area_m2=20" + std::string(kQuick) + "--spacing 1.4 --out " + file("grid"));
   EXPECT_TRUE(std::filesystem::exists(folder_ / "grid/metadata/mp3d/house_3/points.txt"));
+}
+
+TEST_F(DatasetGridCli, APathWithoutAFolderOfTheSceneIsNamedInOneLine) {
+  const std::string box = write_box("data/scene_datasets/replica/room.obj");
+  const std::string options = kQuick + std::string("--spacing 1.4 --out ") + file("grid");
+  const CliOutcome outcome = grid(box + options);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  EXPECT_THAT(outcome.errors, HasSubstr("warning: " + box + " has no folder of the scene"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "grid/metadata/mp3d/room/points.txt"));
+  EXPECT_THAT(grid(box + options + " --dataset replica").errors, testing::Not(HasSubstr("no folder of the scene")));
+}
+
+TEST_F(DatasetGridCli, PicturesOfASceneWithOverridesAreThoseOfRender) {
+  // A room of 3 x 3 x 2.6 m with z up and corners of many colours, in metres and in hundredths.
+  for (const auto& [unit, overrides] : {std::pair(1.0, " --up z"), std::pair(100.0, " --up z --unit 0.01")}) {
+    const std::string mesh = write_box("colours.obj", unit, true);
+    write_grid(mesh + kQuick + overrides + " --spacing 1.4 --pictures 24x18 --name room --out " + file("grid") + fmt::format("{}", unit));
+    const std::string at = fmt::format("grid{}", unit);
+    const std::vector<GridEars> ears = points(at + "/metadata/mp3d/room");
+    ASSERT_GE(ears.size(), 2u);
+    const auto point = draw(static_cast<std::uint32_t>(400 + unit), static_cast<std::uint32_t>(ears.size()));
+    const std::string npy = read(fmt::format("{}/scene_observations/mp3d/room/{}.rgb.npy", at, point));
+    constexpr std::size_t of_view = std::size_t{24} * 18 * 3;
+    ASSERT_GT(npy.size(), 4 * of_view);
+    for (std::size_t heading = 0; heading < 4; ++heading) {
+      std::vector<std::uint8_t> rgb(of_view);
+      std::memcpy(rgb.data(), npy.data() + npy.size() - (4 - heading) * of_view, of_view);
+      const CliOutcome render = earshot(fmt::format("render {}{} --size 24x18 --pose={:.6f},{:.6f},{:.6f},{} --out {}", mesh, overrides,
+                                                    ears[point].x, ears[point].y - 1.5, ears[point].z, 90 * heading, file("view.png")));
+      ASSERT_EQ(render.exit_code, 0) << render.errors;
+      EXPECT_TRUE(read("view.png") == encode_png_rgb("view", 24, 18, rgb)) << "point " << point << ", heading " << 90 * heading;
+    }
+  }
+}
+
+TEST_F(DatasetGridCli, CorporaOfOneSceneShareItsMaterialsAndItsPictures) {
+  const std::string out = std::string(kQuick) + "--spacing 1.2 --name room --out " + file("grid"), room = kRoom;
+  write_grid(room + out + " --pictures 8x6");
+  const auto before = files_of("grid");
+  const std::string harmonics = out + " --channels ambisonic:1";
+  for (const auto& [arguments, text] : std::vector<std::pair<std::string, std::string>>{
+           {"shoebox:4.3x3x3.7@0.2" + harmonics, "scene.json: is of another scene"},  // the same points
+           {room + harmonics + " --pictures 6x8", "pictures.json: is of pictures of another size"}}) {
+    expect_bad_input("dataset grid " + arguments, text);
+    EXPECT_EQ(differences(files_of("grid"), before), std::vector<std::string>{}) << arguments;
+  }
+  std::filesystem::remove(folder_ / "grid/metadata/mp3d/room/scene.json");
+  expect_bad_input("dataset grid " + room + harmonics, "has points, but no scene.json");
+  write("grid/metadata/mp3d/room/scene.json", before.at("metadata/mp3d/room/scene.json"));
+  write_grid(room + harmonics + " --pictures 8x6");
+}
+
+TEST_F(DatasetGridCli, TheShortestResponseHasOneSample) {
+  for (const std::string format : {"zarr", "wav"}) {
+    write_grid(std::string(kRoom) + " --spacing 1.2 --set rays=16 --length 0.00001 --name room --format " + format + " --out " +
+               file(format));
+    EXPECT_EQ(lines_of(file(format + "/binaural_rirs/mp3d/room/manifest.jsonl")).at(1)["num_samples"], 1);
+  }
+  EXPECT_EQ(parse_json(read("zarr/binaural_rirs/mp3d/room/responses.zarr/.zarray"))["shape"][4], 1);
+}
+
+TEST_F(DatasetGridCli, AnArrayThatIsWrittenAgainIsNotComplete) {
+  const std::string scene = std::string(kRoom) + kQuick + "--spacing 1.2 --name room --format zarr --out " + file("grid"),
+                    folder = "grid/binaural_rirs/mp3d/room/";
+  write_grid(scene);
+  EXPECT_TRUE(std::filesystem::exists(file(folder + "responses.zarr/.zarray")));
+  std::filesystem::remove_all(file(folder + "parts"));
+  for (const char* name : {"corpus.json", "manifest.jsonl"}) std::filesystem::remove(file(folder + name));
+  write_grid(scene + " --seed 3 --shard 1/2");
+  EXPECT_FALSE(std::filesystem::exists(file(folder + "responses.zarr/.zarray")));
+  write_grid(scene + " --seed 3 --shard 2/2");
+  EXPECT_TRUE(std::filesystem::exists(file(folder + "responses.zarr/.zarray")));
+}
+
+// The parts and the joined manifest hold the names of all files, which may be long.
+TEST_F(DatasetGridCli, TheEstimateOfSpaceHoldsForLongNames) {
+  const std::string name(200, 'n'), set(200, 'd');
+  write_grid(std::string(kRoom) + kQuick + "--spacing 1.2 --name " + name + " --dataset " + set + " --out " + file("grid"));
+  const std::string folder = "binaural_rirs/" + set + "/" + name;
+  const std::size_t count = points("grid/metadata/" + set + "/" + name).size();
+  const GridFiles files({.folder = folder, .num_points = count, .num_channels = 2, .num_samples = 1600, .has_azimuths = true});
+  constexpr std::uint64_t block = 4096;
+  std::uint64_t bytes = 0;
+  for (const auto& [path, content] : files_of("grid/" + folder)) {
+    if (path.ends_with(".wav")) bytes += (content.size() + block - 1) / block * block;
+    if (path.ends_with("manifest.jsonl")) bytes += content.size();
+  }
+  EXPECT_LE(bytes, count * files.bytes_of_source());
 }
 
 // A disk that is too small from the beginning, and one that another program fills.
