@@ -63,7 +63,7 @@ class ClfParser {
       at = end + 1;
     }
     if (!has_start_) throw refuse("does not start with <CLF1> or <CLF2>");
-    end_band();
+    if (!is_over_) throw InputError(where_, fmt::format("ends without <{}END>; it is cut short", kind()), "use the whole file");
     if (balloon_.frequency_hz.empty()) throw refuse("has no <BAND>");
     return std::move(balloon_);
   }
@@ -73,6 +73,8 @@ class ClfParser {
   [[nodiscard]] InputError refuse_line(const std::string& problem) const {
     return {fmt::format("{}:{}", where_, line_), problem, std::string(kClfRemedy)};
   }
+
+  [[nodiscard]] const char* kind() const { return balloon_.step_deg == 10 ? "CLF1" : "CLF2"; }
 
   void read_line(const std::vector<std::string_view>& fields) {
     if (fields.empty()) return;
@@ -97,6 +99,8 @@ class ClfParser {
     if (tag == "<band>") {
       begin_band(value);
     } else if (tag == "<clf1end>" || tag == "<clf2end>") {
+      if (tag != fold_case(fmt::format("<{}end>", kind())))
+        throw refuse_line(fmt::format("{} ends a file that starts with <{}>", shown(fields[0]), kind()));
       is_over_ = true;
     } else if (tag == "<version>") {
       if (value != "1") throw unclear();

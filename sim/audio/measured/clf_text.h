@@ -22,8 +22,8 @@ struct ClfBalloon {
 /// Reads version 1 of CLF1 and CLF2: header lines <TAG> TAB value, and for each <BAND> one row of levels in dB per arc.  Arcs begin above
 /// the front.  In which direction they go round, no public description says: of balloons without symmetry the mean power of left and right
 /// counts, and more than 12 % between them is refused.  Refused by name: binary files (CF1, CF2), version 2 with phases, filters and parts,
-/// <BALLOON-SYMMETRY> vertical and polar, half spheres, turned arcs, <nodata>, and levels that do not agree on the axis, where all arcs
-/// meet. Throws InputError naming `where`, the line and the field.  O(size).
+/// <BALLOON-SYMMETRY> vertical and polar, half spheres, turned arcs, <nodata>, levels that do not agree on the axis, where all arcs meet,
+/// and a text without the end tag of its start tag, which is cut short.  Throws InputError naming `where`, the line and the field. O(size).
 ClfBalloon parse_clf(std::string_view text, const std::string& where);
 
 }  // namespace earshot

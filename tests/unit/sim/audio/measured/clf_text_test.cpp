@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/audio/measured/clf_text.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 #include "tests/support/files/made_clf.h"
 #include "tests/support/files/test_files.h"
 
@@ -75,7 +77,8 @@ TEST(ClfText, WrongTextsAreRefusedWithTheirLine) {
   EXPECT_EQ(error(good), "");
   EXPECT_THAT(error(""), HasSubstr("does not start with <CLF1>"));
   EXPECT_THAT(error("<CIF1>\n"), HasSubstr("a.tab:1: '<CIF1>'"));
-  EXPECT_THAT(error(good.substr(0, good.find("<BAND>"))), HasSubstr("has no <BAND>"));
+  EXPECT_THAT(error(good.substr(0, good.find("<BAND>")) + "<CLF1END>\n"), HasSubstr("has no <BAND>"));
+  EXPECT_THAT(error(with("<CLF1END>", "<CLF2END>")), HasSubstr("<CLF2END> ends a file that starts with <CLF1>"));
   EXPECT_THAT(error(std::string("<CLF1>\0\1\2", 9)), HasSubstr("binary CLF file"));
   EXPECT_THAT(error(with("<BAND>\t250", "<BAND>\t100")), HasSubstr("does not rise"));
   EXPECT_THAT(error(with("<BAND>\t250", "<BAND>\tlow")), HasSubstr("'low' is not a frequency"));
@@ -89,6 +92,29 @@ TEST(ClfText, WrongTextsAreRefusedWithTheirLine) {
   // Exchanged rows and columns of a square band: the first column is no longer one level.
   MadeClf turned{.level_db = [](double angle, double around, double hz) { return oval_db(around, angle, hz); }, .symmetry = "<horizontal>"};
   EXPECT_THAT(error(turned.text()), HasSubstr("are rows and columns exchanged?"));
+}
+
+// The text is whole up to its end tag, with or without a line end behind it.  Half of the cuts fall into the last line of levels, where
+// what is left of a number is a number.
+TEST(ClfText, TextsCutShortAreRefused) {
+  for (const int step : {5, 10}) {
+    MadeClf made{.level_db = [](double angle, double, double) { return -30.5 * std::sin(angle / 2); }, .step_deg = step};
+    made.symmetry = step == 5 ? "<full>" : "<rotational>";
+    const std::string whole = made.text();
+    const auto error = [](const std::string& text) { return message_of<InputError>([&] { parse_clf(text, "a.tab"); }); };
+    const std::size_t end = whole.rfind("<CLF"), last_row = whole.rfind('\n', end - 2) + 1, complete = whole.find('>', end) + 1;
+    EXPECT_EQ(error(whole), "");
+    EXPECT_EQ(error(whole.substr(0, complete)), "");
+    EXPECT_EQ(error(whole + "\t# end\n"), "");
+    for (std::uint32_t i = 0; i < 400; ++i) {
+      const auto drawn = static_cast<double>(RandomStream(31, Purpose::test).uniform2(i)[0]);
+      const std::size_t from = i % 2 ? last_row : 0;
+      const std::size_t cut = from + static_cast<std::size_t>(drawn * static_cast<double>(complete - from));
+      EXPECT_THAT(error(whole.substr(0, cut)), HasSubstr("a.tab")) << step << ' ' << cut;
+    }
+    const std::string last_number_cut = whole.substr(0, whole.rfind('.', end));
+    EXPECT_THAT(error(last_number_cut), HasSubstr(fmt::format("a.tab: ends without <CLF{}END>; it is cut short", step == 10 ? 1 : 2)));
+  }
 }
 
 }  // namespace
