@@ -159,6 +159,17 @@ void place_receivers(const SofaFile& file, const SofaVariable& real, const SofaV
   }
 }
 
+/// Leaves out a first line of 0 Hz, with which a Fourier transform begins: no band reaches down to it.
+void leave_out_zero_hertz(MeasuredSource& source) {
+  const std::size_t lines = source.frequency_hz.size();
+  if (lines < 2 || source.frequency_hz.front() != 0.0) return;
+  source.frequency_hz.erase(source.frequency_hz.begin());
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < source.pressure.size(); ++i)
+    if (i % lines != 0) source.pressure[kept++] = source.pressure[i];
+  source.pressure.resize(kept);
+}
+
 }  // namespace
 
 MeasuredSource read_sofa_directivity(const std::filesystem::path& path) {
@@ -180,6 +191,7 @@ MeasuredSource read_sofa_directivity(const std::filesystem::path& path) {
   if (real.size[0] * real.size[1] > MeasuredSource::kMaxDirections)
     throw file.refuse(fmt::format("has {} directions, more than {}", real.size[0] * real.size[1], MeasuredSource::kMaxDirections));
   place_receivers(file, real, imaginary, source);
+  leave_out_zero_hertz(source);
   validate(source, path.string());
   return source;
 }

@@ -182,6 +182,24 @@ TEST_F(SourceFiles, DenseLinesCountByTheirPower) {
   }
 }
 
+// Lines of a Fourier transform begin at 0 Hz, where a source has no pattern: the line is left out, whatever its level, and the rest is
+// heard bit for bit as from a file without it.
+TEST_F(SourceFiles, ALineAtZeroHertzIsLeftOut) {
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    MadeSource source = made_source(kSources[1 + i]);
+    const double step_hz = drawn_value(19, i, 20, 60);
+    source.frequency_hz.clear();
+    for (int k = 1; k * step_hz <= 12000; ++k) source.frequency_hz.push_back(k * step_hz);
+    source.add_grid(15, 1.5);
+    const SourcePattern audible = source.pattern;
+    source.pattern = [=](glm::dvec3 direction, double hz) { return hz > 0 ? audible(direction, hz) : direction.z; };
+    const std::vector<glm::dvec3> directions{drawn_direction(20, 2 * i), drawn_direction(20, 2 * i + 1)};
+    const std::vector<Spectrum> without = hear(made(source), directions, kCentres);
+    source.frequency_hz.insert(source.frequency_hz.begin(), 0.0);
+    EXPECT_EQ(hear(made(source, "with_zero.sofa"), directions, kCentres), without) << step_hz;
+  }
+}
+
 // A source 20 cm off the origin: its phase turns with the direction, its level hardly does.  A sign of that phase would cut zeros.
 TEST_F(SourceFiles, PhasesOfAnOffsetCutNoZeros) {
   MadeSource source = made_source(kSources[0]);
@@ -211,7 +229,9 @@ TEST_F(SourceFiles, WrongFilesAreRefusedByName) {
   refused("not finite in Data.Imag", [&](MadeSource& s) { s.replaced_by = std::numeric_limits<double>::infinity(); });
   refused("not finite in N", [&](MadeSource& s) { s.frequency_hz[2] = nan; });
   refused("do not rise", [](MadeSource& s) { std::swap(s.frequency_hz[2], s.frequency_hz[3]); });
-  refused("outside (0, 1e6]", [](MadeSource& s) { s.frequency_hz[0] = 0; });
+  refused("outside (0, 1e6]", [](MadeSource& s) { s.frequency_hz[0] = -1; });
+  refused("outside (0, 1e6]", [](MadeSource& s) { s.frequency_hz = {0}; });
+  refused("outside (0, 1e6]", [](MadeSource& s) { s.frequency_hz[1] = s.frequency_hz[0] = 0; });
   refused("in 'kilohertz' instead of hertz", [](MadeSource& s) { s.frequency_units = "kilohertz"; });
   refused("in 'radian, radian, metre' instead of 'degree, degree, metre'",
           [](MadeSource& s) { s.receiver_units = "radian, radian, metre"; });
