@@ -25,7 +25,7 @@ struct SoundSource {
 class Emission {
  public:
   Emission(const SoundSource& source, const BandLayout& bands)
-      : world_to_local_(glm::conjugate(source.orientation)), pattern_(source.directivity, bands.centre_hz) {}
+      : world_to_local_(glm::conjugate(source.orientation)), pattern_(source.directivity, bands.centre_hz, bands.edge_hz) {}
   [[nodiscard]] bool omnidirectional() const { return pattern_.omnidirectional(); }
   /// Pressure gain per band toward `direction` (unit, world axes), 1 in front: [num_bands].
   void pressure(glm::vec3 direction, std::span<float> gain) const { pattern_.pressure(world_to_local_ * direction, gain); }

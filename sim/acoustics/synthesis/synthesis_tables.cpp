@@ -99,7 +99,7 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       filters(bands, config.sample_rate_hz, early_fft),
       carriers(make_carriers(layout, config, bands)),
       late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
-  for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz);
+  for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz, bands.edge_hz);
   if (std::ranges::any_of(layout.microphones, [](const Microphone& microphone) { return microphone.lowpass_hz > 0; }))
     for (const Microphone& microphone : layout.microphones) {
       low_passes.emplace_back();

@@ -3,18 +3,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <numbers>
 
 #include "sim/audio/head/measured_directivity.h"
+#include "sim/audio/measured/angle_grid.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/text_match.h"
 
 namespace earshot {
 namespace {
-
-constexpr int kStepsPerQuarter = 18;  // 5 degrees
-constexpr int kRows = 2 * kStepsPerQuarter + 1, kColumns = 4 * kStepsPerQuarter;
 
 class FirstOrder final : public Directivity {
  public:
@@ -66,20 +62,23 @@ bool Directivity::is_file(std::string_view name) {
   return folded.ends_with(".sofa") || ends_with_one_of(folded, kClfEndings) || ends_with_one_of(name, kBalloonEndings);
 }
 
-BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz)
-    : omni_weight_(pattern ? pattern->omni_weight() : 1.f), num_frequencies_(centre_hz.size()) {
+void Directivity::band_pressure(FrequencyRange band, std::span<float> at_nodes) const {
+  for (std::size_t node = 0; node < AngleGrid::kNodes; ++node) at_nodes[node] = pressure(AngleGrid::direction(node), band.centre_hz);
+}
+
+BandDirectivity::BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz,
+                                 std::span<const float> edge_hz)
+    : omni_weight_(pattern ? pattern->omni_weight() : 1.f), num_bands_(centre_hz.size()) {
+  EARSHOT_EXPECT(edge_hz.empty() || edge_hz.size() == centre_hz.size() + 1);
   if (omni_weight_) return;
-  table_.reserve(static_cast<std::size_t>(kRows * kColumns) * num_frequencies_);
-  constexpr double step_rad = 0.5 * std::numbers::pi / kStepsPerQuarter;
-  for (int row = 0; row < kRows; ++row) {
-    const double elevation = (row - kStepsPerQuarter) * step_rad;
-    // All directions of a pole's row are the pole.
-    const double level = row == 0 || row + 1 == kRows ? 0.0 : std::cos(elevation);
-    for (int column = 0; column < kColumns; ++column) {
-      const double azimuth = column * step_rad;
-      const glm::vec3 direction(-level * std::sin(azimuth), std::sin(elevation), -level * std::cos(azimuth));
-      for (const float frequency_hz : centre_hz) table_.push_back(pattern->pressure(direction, frequency_hz));
-    }
+  table_.resize(AngleGrid::kNodes * num_bands_);
+  std::vector<float> at_nodes(AngleGrid::kNodes);
+  for (std::size_t b = 0; b < num_bands_; ++b) {
+    if (edge_hz.empty())
+      pattern->Directivity::band_pressure({centre_hz[b], centre_hz[b], centre_hz[b]}, at_nodes);
+    else
+      pattern->band_pressure({edge_hz[b], centre_hz[b], edge_hz[b + 1]}, at_nodes);
+    for (std::size_t node = 0; node < AngleGrid::kNodes; ++node) table_[node * num_bands_ + b] = at_nodes[node];
   }
 }
 
@@ -88,19 +87,10 @@ void BandDirectivity::pressure(glm::vec3 direction, std::span<float> gain) const
     std::fill(gain.begin(), gain.end(), *omni_weight_ - (1.f - *omni_weight_) * direction.z);
     return;
   }
-  constexpr float steps_per_rad = kStepsPerQuarter / (0.5f * std::numbers::pi_v<float>);
-  // atan2 for the elevation too: near a pole the arc sine of a float is good to 0.02 degrees only.
-  const float height = std::atan2(direction.y, std::hypot(direction.x, direction.z)) * steps_per_rad + kStepsPerQuarter;
-  const float around = std::atan2(-direction.x, -direction.z) * steps_per_rad + kColumns;  // at least half a turn, never negative
-  const auto row = static_cast<std::size_t>(std::clamp(height, 0.f, kRows - 2.f + 0.99f));
-  const auto column = static_cast<std::size_t>(around);
-  const float up = std::min(height - static_cast<float>(row), 1.f), left = around - static_cast<float>(column);
-  const auto cell = [&](std::size_t r, std::size_t c) { return table_.data() + (r * kColumns + c % kColumns) * num_frequencies_; };
-  const float *a = cell(row, column), *b = cell(row, column + 1), *c = cell(row + 1, column), *d = cell(row + 1, column + 1);
-  for (std::size_t i = 0; i < gain.size(); ++i) {
-    const float low = a[i] + left * (b[i] - a[i]), high = c[i] + left * (d[i] - c[i]);
-    gain[i] = low + up * (high - low);
-  }
+  const AngleGrid::Place<float> place = AngleGrid::find<float>(direction);
+  const auto cell = [&](std::size_t corner) { return table_.data() + place.node[corner] * num_bands_; };
+  const float *a = cell(0), *b = cell(1), *c = cell(2), *d = cell(3);
+  for (std::size_t i = 0; i < gain.size(); ++i) gain[i] = place.between(a[i], b[i], c[i], d[i]);
 }
 
 }  // namespace earshot

@@ -14,6 +14,11 @@
 
 namespace earshot {
 
+/// A band of frequencies; low_hz < centre_hz <= high_hz.
+struct FrequencyRange {
+  float low_hz, centre_hz, high_hz;
+};
+
 /// Directional pattern of a source or a microphone in its own axes: x right, y up, front -z.  Pressure gain, 1 in front; negative where
 /// the polarity is turned (back of a dipole).  Immutable, thread-safe.
 class Directivity {
@@ -25,6 +30,9 @@ class Directivity {
   [[nodiscard]] virtual bool omnidirectional() const { return false; }
   /// a of a pattern a + (1 - a) cos at all frequencies; nullopt for any other.
   [[nodiscard]] virtual std::optional<float> omni_weight() const { return std::nullopt; }
+  /// Gains of a band at the nodes of AngleGrid: those at its centre, of a measured pattern what its lines in the band have
+  /// (gridded_directivity.h).  at_nodes: [AngleGrid::kNodes].
+  virtual void band_pressure(FrequencyRange band, std::span<float> at_nodes) const;
 
   /// a + (1 - a) cos: omni (a = 1), subcardioid 0.7, cardioid 0.5, supercardioid 0.37, hypercardioid 0.25, dipole 0
   /// (docs/evidence/oracles.md, O-29).
@@ -50,19 +58,20 @@ class Directivity {
   static bool is_file(std::string_view name);
 };
 
-/// A pattern ready for a set of frequencies and hot loops: first-order patterns are evaluated, others are read off a grid of 5 degrees,
-/// bilinear and continuous (exact on the grid, so at the nodes of any balloon of 5, 10, 15 or 30 degrees).  Immutable, thread-safe.
+/// A pattern ready for a set of bands and hot loops: first-order patterns are evaluated, others are read off a grid of 5 degrees
+/// (angle_grid.h; exact on the grid, so at the nodes of any balloon of 5, 10, 15 or 30 degrees).  Immutable, thread-safe.
 class BandDirectivity {
  public:
-  BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz);
+  /// centre_hz, edge_hz: [number of bands] and one more, as those of BandLayout.  No edges: gains at the centres alone.
+  BandDirectivity(std::shared_ptr<const Directivity> pattern, std::span<const float> centre_hz, std::span<const float> edge_hz);
   [[nodiscard]] bool omnidirectional() const { return omni_weight_ == 1.f; }
-  /// gain: [number of frequencies]; pressure gains toward `direction` (unit, own axes).
+  /// gain: [number of bands]; pressure gains toward `direction` (unit, own axes).
   void pressure(glm::vec3 direction, std::span<float> gain) const;
 
  private:
   std::optional<float> omni_weight_;
-  std::size_t num_frequencies_;
-  std::vector<float> table_;  ///< [elevation][azimuth][frequency], empty for first order
+  std::size_t num_bands_;
+  std::vector<float> table_;  ///< [node of AngleGrid][band], empty for first order
 };
 
 }  // namespace earshot

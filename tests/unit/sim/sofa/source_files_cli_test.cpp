@@ -50,6 +50,26 @@ const std::array<NamedPattern, 4> kSources{{{"monopole", [](double, double) { re
                                             {"cardioid", [](double cosine, double) { return 0.5 * (1 + cosine); }},
                                             {"piston", [](double cosine, double hz) { return piston(cosine, hz, 0.06); }}}};
 
+/// The octave around a centre as the engine has it.
+struct Octave {
+  double low_hz, high_hz;
+};
+Octave octave_at(double centre_hz) {
+  const double exact = 1000 * std::pow(10, 0.3 * std::round(std::log2(centre_hz / 1000)));
+  return {exact * std::pow(10, -0.15), exact * std::pow(10, 0.15)};
+}
+/// Root of the mean squared gain over the octave at a centre, by lines a third of an octave apart.
+double octave_gain(const std::function<double(double, double)>& gain, double cosine, double centre_hz) {
+  const Octave octave = octave_at(centre_hz);
+  double power = 0;
+  for (const int k : {-1, 0, 1}) {
+    const double line = centre_hz * std::exp2(k / 3.0), half = std::exp2(1.0 / 6);
+    const double low = k < 0 ? octave.low_hz : line / half, high = k > 0 ? octave.high_hz : line * half;
+    power += (high - low) / (octave.high_hz - octave.low_hz) * std::pow(gain(cosine, line), 2);
+  }
+  return std::sqrt(power);
+}
+
 class SourceFiles : public Cli {
  protected:
   void SetUp() override {
@@ -105,7 +125,7 @@ MadeSource made_source(const NamedPattern& pattern) {
   return source;
 }
 
-// Level at the centre of each octave against an omnidirectional source, where the gain is at least 0.1.  A grid of 5 degrees: 0.2 dB of
+// Level of each octave against an omnidirectional source, where the gain is at least 0.1.  A grid of 5 degrees: 0.2 dB of
 // what does not change with frequency, and 0.5 dB of the piston, whose octaves are heard with smooth transitions; coarser ones twice that.
 TEST_F(SourceFiles, LevelsAreThoseOfTheClosedForm) {
   const std::vector<std::complex<double>> omni = hear("omni", {{1, 0, 0}}, kCentres)[0];
@@ -135,9 +155,9 @@ TEST_F(SourceFiles, LevelsAreThoseOfTheClosedForm) {
       const glm::dvec3 towards = directions[d];
       const double tolerance_db = (i < 4 || i >= 8 ? 1 : 2) * (i % 4 == 3 ? 0.5 : 0.2);
       for (std::size_t b = 0; b < kCentres.size(); ++b) {
-        const double gain = pattern.gain(towards.x, kCentres[b]);
-        if (std::abs(gain) < 0.1) continue;
-        EXPECT_NEAR(20 * std::log10(std::abs(heard[b] / omni[b])), 20 * std::log10(std::abs(gain)), tolerance_db)
+        const double gain = octave_gain(pattern.gain, towards.x, kCentres[b]);
+        if (gain < 0.1) continue;
+        EXPECT_NEAR(20 * std::log10(std::abs(heard[b] / omni[b])), 20 * std::log10(gain), tolerance_db)
             << i << ' ' << pattern.name << ' ' << kCentres[b] << " Hz, cosine " << towards.x;
       }
     }
@@ -154,7 +174,7 @@ TEST_F(SourceFiles, TheBackOfADipoleIsTurned) {
   EXPECT_NEAR((heard[1][0] / omni[1][0]).real(), -1, 0.02);
 }
 
-// Lines every 20 Hz become bands: the level at a centre is that of the third octave around it.  0.7 dB at gains over 0.1.
+// Lines every 20 Hz become third octaves by their power, and these the octave by their width.  0.7 dB at gains over 0.1.
 TEST_F(SourceFiles, DenseLinesCountByTheirPower) {
   MadeSource source = made_source(kSources[3]);
   source.frequency_hz.clear();
@@ -169,15 +189,22 @@ TEST_F(SourceFiles, DenseLinesCountByTheirPower) {
     const glm::dvec3 towards = directions[d];
     const Spectrum& heard = spectra[d];
     for (std::size_t b = 0; b < 6; ++b) {
-      double power = 0, front = 0;
-      for (const double hz : source.frequency_hz) {
-        if (hz < kCentres[b] * std::exp2(-1.0 / 6) || hz >= kCentres[b] * std::exp2(1.0 / 6)) continue;
-        const double axis = 2.0 + std::sin(hz / 300);
-        power += std::pow(axis * piston(towards.x, hz, 0.06), 2);
-        front += axis * axis;
+      const Octave octave = octave_at(kCentres[b]);
+      double mean = 0;
+      for (const int k : {-1, 0, 1}) {
+        const double centre = kCentres[b] * std::exp2(k / 3.0), half = std::exp2(1.0 / 6);
+        double power = 0, front = 0;
+        for (const double hz : source.frequency_hz) {
+          if (hz < centre / half || hz >= centre * half) continue;
+          const double axis = 2.0 + std::sin(hz / 300);
+          power += std::pow(axis * piston(towards.x, hz, 0.06), 2);
+          front += axis * axis;
+        }
+        const double low = k < 0 ? octave.low_hz : centre / half, high = k > 0 ? octave.high_hz : centre * half;
+        mean += (high - low) / (octave.high_hz - octave.low_hz) * power / front;
       }
-      if (power < 0.01 * front) continue;
-      EXPECT_NEAR(20 * std::log10(std::abs(heard[b] / omni[b])), 10 * std::log10(power / front), 0.7) << d << ' ' << kCentres[b];
+      if (mean < 0.01) continue;
+      EXPECT_NEAR(20 * std::log10(std::abs(heard[b] / omni[b])), 10 * std::log10(mean), 0.7) << d << ' ' << kCentres[b];
     }
   }
 }
@@ -305,6 +332,19 @@ TEST_F(SourceFiles, ClfTextHasItsLevels) {
   }
 }
 
+// Third octaves at 0, -20 and 0 dB off the axis: the octave has their mean power, -1.7 dB, and not the level of its centre.
+TEST_F(SourceFiles, OctavesHaveThePowerOfTheirThirdOctaves) {
+  MadeClf made{.level_db = [](double angle, double, double hz) { return angle > 0.1 && hz == 1000 ? -20.0 : 0.0; }};
+  made.bands_hz = {100, 125, 160, 200, 250, 315, 400, 500, 630, 800, 1000, 1250, 1600, 2000, 2500, 3150, 4000, 5000, 6300, 8000, 10000};
+  made.symmetry = "<rotational>";
+  const std::vector<glm::dvec3> directions{{0, 1, 0}, drawn_direction(23, 0), {-1, 0, 0}, {1, 0, 0}};
+  const Spectrum omni = hear("omni", {{1, 0, 0}}, kCentres)[0];
+  const std::vector<Spectrum> spectra = hear(write("thirds.tab", made.text()), directions, kCentres);
+  for (std::size_t d = 0; d < directions.size(); ++d)
+    for (std::size_t b = 0; b < kCentres.size(); ++b)
+      EXPECT_NEAR(20 * std::log10(std::abs(spectra[d][b] / omni[b])), d < 3 && kCentres[b] == 1000 ? -1.7 : 0.0, 0.2) << d << ' ' << b;
+}
+
 TEST_F(SourceFiles, ClfTextIsRefusedInOneLine) {
   const std::string good = MadeClf{.level_db = [](double angle, double, double) { return -3 * angle; }}.text();
   const auto refused = [&](const std::string& text, const std::string& name, const char* part) {
@@ -312,6 +352,7 @@ TEST_F(SourceFiles, ClfTextIsRefusedInOneLine) {
     EXPECT_FALSE(std::filesystem::exists(file("x.wav"))) << part;
   };
   refused(good.substr(0, good.size() / 2), "cut.tab", "cut.tab:");
+  refused(good.substr(0, good.rfind('.')), "short.tab", "short.tab: ends without <CLF1END>; it is cut short");
   refused(std::string("CLF\0\1\2", 6), "speaker.CF2", "speaker.CF2: is a binary CLF file (CF1, CF2), whose layout is not public");
   refused("", "empty.clf", "empty.clf: does not start with <CLF1>");
   expect_bad_input(command(file("absent.tab"), {{1, 0, 0}}, "x.wav"), "absent.tab");

@@ -51,7 +51,7 @@ TEST(OracleO29, EnergyMeanFactorAndIndexOfFirstOrderPatterns) {
   const std::array<float, 3> centres = {125.f, 1000.f, 8000.f};
   for (const Pattern& expected : kPatterns) {
     const auto pattern = Directivity::named(expected.name);
-    const BandDirectivity bands(pattern, centres);
+    const BandDirectivity bands(pattern, centres, {});
     EXPECT_EQ(bands.omnidirectional(), expected.mean == 1.0);
     for (std::size_t band = 0; band < 3; ++band) {
       const double mean = energy_mean([&](glm::vec3 direction) {
@@ -111,7 +111,7 @@ TEST(Voice, HasTheFactorOfATalker) {
 TEST(BandDirectivity, TableFollowsThePattern) {
   const auto voice = Directivity::voice();
   const std::array<float, 7> centres = {125.f, 250.f, 500.f, 1000.f, 2000.f, 4000.f, 8000.f};
-  const BandDirectivity bands(voice, centres);
+  const BandDirectivity bands(voice, centres, {});
   std::array<float, 7> gain{};
   for (std::uint32_t i = 0; i < 2000; ++i) {
     const glm::vec3 direction = random_direction(21, i);
@@ -160,7 +160,7 @@ TEST(Balloon, HasItsNodesRelativeToTheFront) {
 TEST(Balloon, IsContinuousRoundTheSeamAndOverThePoles) {
   const auto balloon = Directivity::balloon_from_text(kBalloon, "balloon");
   const std::array<float, 2> centres = {100.f, 10000.f};
-  const BandDirectivity bands(balloon, centres);
+  const BandDirectivity bands(balloon, centres, {});
   std::array<float, 2> before{}, now{};
   for (const bool over_pole : {false, true}) {
     const auto at = [&](double t) {

@@ -45,7 +45,7 @@ MeasuredSource source_of(const AxialPattern& pattern, const std::vector<glm::vec
 /// Mean of the squared gain over the sphere as the engine hears it: midpoints in height and azimuth.
 double radiated(const Directivity& pattern, float frequency_hz) {
   const std::array<float, 1> centre{frequency_hz};
-  const BandDirectivity bands(std::shared_ptr<const Directivity>(&pattern, [](const Directivity*) {}), centre);
+  const BandDirectivity bands(std::shared_ptr<const Directivity>(&pattern, [](const Directivity*) {}), centre, {});
   constexpr int rows = 180, columns = 72;
   double sum = 0;
   for (int i = 0; i < rows; ++i)
@@ -91,6 +91,111 @@ TEST(MeasuredDirectivity, HasItsDirectionsAndTheirSigns) {
   for (std::uint32_t i = 0; i < 200; ++i) {
     const glm::vec3 direction = random_direction(5, i);
     EXPECT_NEAR(measured->pressure(direction, 900.f), -direction.z, 0.02f);
+  }
+}
+
+// The mean power of a piston in a baffle over an octave, by midpoints of its closed form.
+double octave_power(double cosine, double radius_m, double low_hz, double high_hz) {
+  constexpr int steps = 2000;
+  double sum = 0;
+  for (int i = 0; i < steps; ++i) {
+    const double hz = low_hz + (i + 0.5) * (high_hz - low_hz) / steps;
+    sum += std::pow(baffled(cosine, 2 * std::numbers::pi * hz / kSoundSpeed * radius_m), 2) / steps;
+  }
+  return sum;
+}
+
+// Lines every 20 Hz, a flat spectrum on the axis: 0.3 dB where an octave has -20 dB or more, of pistons whose lobes 5 degrees resolve.
+TEST(MeasuredDirectivity, OctavesHaveTheMeanPowerOfTheirLines) {
+  std::vector<double> lines;
+  for (double hz = 60; hz <= 12000; hz += 20) lines.push_back(hz);
+  std::array<float, 7> centre{};
+  std::array<float, 8> edge{};
+  for (std::size_t b = 0; b < edge.size(); ++b) {
+    const double steps = 0.3 * (static_cast<double>(b) - 3);
+    if (b < centre.size()) centre[b] = static_cast<float>(1000 * std::pow(10, steps));
+    edge[b] = static_cast<float>(1000 * std::pow(10, steps - 0.15));
+  }
+  int compared = 0;
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    const double radius_m = 0.02 + 0.02 * static_cast<double>(RandomStream(8, Purpose::test).uniform2(i)[0]);
+    MeasuredSource source{.frequency_hz = lines, .direction = spiral(2000), .pressure = {}};
+    for (const glm::vec3 direction : source.direction)
+      for (const double hz : lines)
+        source.pressure.emplace_back(std::polar(1.0, hz / 70.0) *
+                                     baffled(-static_cast<double>(direction.z), 2 * std::numbers::pi * hz / kSoundSpeed * radius_m));
+    const BandDirectivity bands(measured_directivity(source, "test"), centre, edge);
+    for (std::uint32_t d = 0; d < 100; ++d) {
+      const glm::vec3 direction = random_direction(9 + i, d);
+      std::array<float, 7> gain{};
+      bands.pressure(direction, gain);
+      for (std::size_t b = 0; b < centre.size(); ++b) {
+        const double power =
+            octave_power(-static_cast<double>(direction.z), radius_m, static_cast<double>(edge[b]), static_cast<double>(edge[b + 1]));
+        if (power < 0.01) continue;
+        ++compared;
+        EXPECT_NEAR(20 * std::log10(std::abs(gain[b])), 10 * std::log10(power), 0.3) << radius_m << ' ' << centre[b] << ' ' << direction.z;
+      }
+    }
+  }
+  EXPECT_GT(compared, 1000);
+}
+
+/// CLF text of these levels off the axis; 0 dB on it.
+std::string levels_off_axis(const std::vector<std::pair<double, double>>& level_db) {
+  std::string text = "<CLF1>\n<BALLOON-SYMMETRY>\t<rotational>\n";
+  for (const auto& [hz, db] : level_db) {
+    text += fmt::format("<BAND>\t{}\n0", hz);
+    for (int angle = 10; angle <= 180; angle += 10) text += fmt::format("\t{}", db);
+    text += '\n';
+  }
+  return text + "<CLF1END>\n";
+}
+float gain_of_band(const std::vector<std::pair<double, double>>& level_db, float low_hz, float centre_hz, float high_hz) {
+  const BandDirectivity band(clf_directivity_from_text(levels_off_axis(level_db), "test.tab"), std::array{centre_hz},
+                             std::array{low_hz, high_hz});
+  std::array<float, 1> gain{};
+  band.pressure({1, 0, 0}, gain);
+  return gain[0];
+}
+
+// Third octaves as wide as they are: 0.26, 0.32 and 0.42 of the octave, of which the middle one is 20 dB down.  What a file lacks around
+// its lines has those next to it, and a band with one line or none what the lines around its centre say.
+TEST(MeasuredDirectivity, BandsCountTheLinesThatTheyHave) {
+  const auto db = [](float gain) { return 20 * std::log10(static_cast<double>(gain)); };
+  EXPECT_NEAR(db(gain_of_band({{800, 0}, {1000, -20}, {1250, 0}}, 708, 1000, 1413)), -1.7, 0.1);
+  EXPECT_NEAR(db(gain_of_band({{800, -3}, {1000, -3}, {1250, -3}}, 708, 1000, 1413)), -3, 1e-4);
+  EXPECT_NEAR(db(gain_of_band({{500, 0}, {1000, -20}, {2000, 0}}, 708, 1000, 1413)), -20, 1e-4);
+  EXPECT_NEAR(db(gain_of_band({{250, 0}, {4000, -20}}, 708, 1000, 1413)), 20 * std::log10(0.55), 1e-3);
+  // Drawn levels of exact third octaves, and of a band that ends within one.
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const auto drawn = [&](std::uint32_t k) { return -20 * static_cast<double>(RandomStream(10, Purpose::test).uniform2(4 * i + k)[0]); };
+    std::vector<std::pair<double, double>> levels;
+    for (std::uint32_t k = 0; k < 3; ++k) levels.emplace_back(1000 * std::exp2((static_cast<double>(k) - 1) / 3), drawn(k));
+    const double high_hz = 1300 + 5 * drawn(3);
+    const std::array<double, 4> edge{1000 * std::exp2(-0.5), 1000 * std::exp2(-1.0 / 6), 1000 * std::exp2(1.0 / 6), high_hz};
+    double power = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      power += std::max(0.0, edge[k + 1] - edge[k]) / (high_hz - edge[0]) * std::pow(10, levels[k].second / 10);
+    EXPECT_NEAR(db(gain_of_band(levels, static_cast<float>(edge[0]), 1000, static_cast<float>(high_hz))), 10 * std::log10(power), 0.01);
+  }
+}
+
+// The back of a dipole is turned in a band if it is in all lines of it; if one of three has it unturned, the magnitude is left.
+TEST(MeasuredDirectivity, BandsHaveTheSignOnWhichTheirLinesAgree) {
+  for (const bool agree : {true, false}) {
+    MeasuredSource source{.frequency_hz = {790, 1000, 1270}, .direction = spiral(800), .pressure = {}};
+    for (const glm::vec3 direction : source.direction)
+      for (const bool is_middle : {false, true, false})
+        source.pressure.emplace_back(is_middle && !agree ? std::abs(direction.z) : -direction.z);
+    const BandDirectivity band(measured_directivity(source, "test"), std::array{1000.f}, std::array{708.f, 1413.f});
+    for (std::uint32_t d = 0; d < 50; ++d) {
+      const glm::vec3 direction = random_direction(13, d);
+      if (std::abs(direction.z) < 0.1f) continue;  // bilinear on 5 degrees across the kink of the magnitude
+      std::array<float, 1> gain{};
+      band.pressure(direction, gain);
+      EXPECT_NEAR(gain[0], agree ? -direction.z : std::abs(direction.z), 0.02f);
+    }
   }
 }
 
