@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "sim/acoustics/core/missing_energy.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -62,31 +63,6 @@ std::optional<double> fit_decay_time(const DecayCurve& curve, double from_db, do
   const double slope_db_per_s = product / (span * span * span / 12.0);
   if (!(slope_db_per_s < 0)) return std::nullopt;
   return -60.0 / slope_db_per_s;
-}
-
-struct MissingEnergy {
-  double level_db = kSilent;  ///< re the start of the whole curve
-  bool falls = true;          ///< does the energy decay toward the end?
-};
-/// The energy that a longer response would still have brought: the power at the end over its rate of decay, or, where it hardly decays (a
-/// noise floor, a room without losses), as much as that power brings in the same time again.
-MissingEnergy missing_energy(std::span<const double> energy, double bin_s, double total) {
-  const std::size_t n = energy.size();
-  const std::size_t window = std::max<std::size_t>(n / 10, std::min<std::size_t>(n, 3));
-  const auto power = [&](std::size_t first) {
-    double sum = 0;
-    for (std::size_t i = first; i < first + window; ++i) sum += energy[i];
-    return sum / (static_cast<double>(window) * bin_s);
-  };
-  const double last = power(n - window);
-  if (!(last > 0)) return {};
-  const std::size_t middle = std::min(n / 2, n - window);
-  const double apart_s = static_cast<double>(n - window - middle) * bin_s;
-  const double rate_per_s = apart_s > 0 ? std::log(power(middle) / last) / apart_s : 0.0;
-  const double again = last * static_cast<double>(n) * bin_s;
-  if (!(rate_per_s > 0)) return {decibels(again / total), false};
-  const double at_end = last * std::exp(-0.5 * rate_per_s * static_cast<double>(window) * bin_s);
-  return {decibels(std::min(at_end / rate_per_s, again) / total), true};
 }
 
 /// Decay time of the regression line through the points of a decay curve, one at the start of each bin, from 0 to -10 dB
