@@ -36,7 +36,7 @@ std::optional<double> modulation_transfer_index(std::span<const double> energy, 
 }
 
 std::optional<std::array<std::size_t, kSpeechOctaves>> speech_octaves(std::span<const float> bands_hz) {
-  // A quarter of an octave either side: the centre of a clipped band may lie lower.
+  // 0.3 of an octave either side: the centre of a clipped band may lie lower.
   std::array<std::size_t, kSpeechOctaves> found{};
   for (std::size_t k = 0; k < kSpeechOctaves; ++k) {
     const double centre_hz = 1000.0 * std::pow(10.0, 0.3 * (static_cast<double>(k) - 3.0));
