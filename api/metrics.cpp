@@ -78,11 +78,6 @@ Metrics measure(const Rir& rir, const MeasureOptions& options) {
       rir.samples.size() != static_cast<std::size_t>(rir.num_channels) * static_cast<std::size_t>(rir.num_samples))
     throw InputError("rir", "has a wrong shape", "give [channels, samples]");
   require(rir.sample_rate_hz > 0 && std::isfinite(rir.sample_rate_hz), "sample_rate_hz", rir.sample_rate_hz, "must be positive");
-  if (options.direct_delay_s)
-    require(*options.direct_delay_s >= 0 && std::isfinite(*options.direct_delay_s), "direct_delay_s", *options.direct_delay_s,
-            "must be at least 0");
-  if (options.distance_m)
-    require(*options.distance_m > 0 && std::isfinite(*options.distance_m), "distance_m", *options.distance_m, "must be positive");
   RirMeasurement how{.direct_delay_s = options.direct_delay_s,
                      .request = request_of(options.parameters),
                      .lateral = options.lateral,

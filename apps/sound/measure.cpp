@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -52,20 +51,12 @@ RirMeasurement reading_of(const MeasureArguments& options) {
     throw InputError("--parameters", "'interaural' asks for standard errors, which a single response does not have",
                      "leave it out: IACC of two channels is always measured");
   how.direct_delay_s = options.direct_delay_s;
-  if (how.direct_delay_s)
-    require(*how.direct_delay_s >= 0 && std::isfinite(*how.direct_delay_s), "--direct-delay", *how.direct_delay_s, "must be at least 0");
   if (options.bands == "third_octaves")
     how.bands = MeasuredBands::third_octaves;
   else if (options.bands != "octaves")
     throw InputError("--bands", "'" + options.bands + "' is not a kind of bands", "use octaves or third_octaves");
-  const bool has_lateral = !options.lateral.empty() || options.lateral_channel;
-  if (has_lateral && !how.request.lateral)
-    throw InputError(options.lateral.empty() ? "--lateral-channel" : "--lateral", "has no effect without lateral parameters",
-                     "add --parameters lateral");
-  if (options.is_green && !options.reference.empty()) throw InputError("--reference", "is given together with --green", "give one of them");
   how.is_green = options.is_green;
   how.distance_m = options.distance_m;
-  if (how.distance_m) require(*how.distance_m > 0 && std::isfinite(*how.distance_m), "--distance", *how.distance_m, "must be positive");
   return how;
 }
 
@@ -96,23 +87,48 @@ void add_interaural(const SoundChannels& sound, const RirMeasurement& how, Order
                  .num_samples = static_cast<int>(sound.num_frames()),
                  .sample_rate_hz = sound.sample_rate_hz,
                  .samples = sound.samples};
-  RirMeasurement plain = how;
-  plain.request = {};
-  plain.lateral = {};
-  const OrderedJson metrics = metrics_json(measure(ears, plain));
+  RoomMetrics correlations;
+  correlations.bands = measure_interaural(ears, how);
+  const OrderedJson metrics = metrics_json(correlations);
   for (const char* key : {"iacc", "iacc_early", "iacc_late"}) json[key] = metrics.at(key);
+}
+
+/// Files beside the measured one; the spans of a measurement point into them.
+struct SoundsBeside {
+  std::optional<SoundChannels> lateral, reference;
+};
+
+/// The one channel of a file, or the one that was named.
+std::span<const float> lateral_of(const MeasureArguments& options, const SoundChannels& sound, const SoundsBeside& beside) {
+  if (beside.lateral) {
+    if (!options.lateral_channel && beside.lateral->num_channels > 1)
+      throw InputError("--lateral " + options.lateral, fmt::format("has {} channels", beside.lateral->num_channels),
+                       "name that of the figure-of-eight microphone with --lateral-channel");
+    return channel_of(*beside.lateral, options.lateral_channel.value_or(0), "--lateral-channel", options.lateral);
+  }
+  if (!options.lateral_channel) return {};
+  if (*options.lateral_channel == options.channel.value_or(0))
+    throw InputError("--lateral-channel", fmt::format("is {}, the channel that is measured", *options.lateral_channel),
+                     "name the channel of the figure-of-eight microphone, and the measured one with --channel");
+  return channel_of(sound, *options.lateral_channel, "--lateral-channel", options.file);
+}
+
+std::span<const float> reference_of(const MeasureArguments& options, const SoundsBeside& beside) {
+  if (!beside.reference) return {};
+  if (beside.reference->num_channels > 1)
+    throw InputError("--reference " + options.reference, fmt::format("has {} channels", beside.reference->num_channels),
+                     "give a file with the channel of the measured microphone alone");
+  return beside.reference->channel(0);
 }
 
 void run_measure(const MeasureArguments& options) {
   RirMeasurement how = reading_of(options);
   const SoundChannels sound = load_sound_channels(options.file);
-  const std::optional<SoundChannels> beside =
-      options.lateral.empty() ? std::nullopt : std::optional(load_beside(options.lateral, "--lateral", sound.sample_rate_hz));
-  const std::optional<SoundChannels> reference =
-      options.reference.empty() ? std::nullopt : std::optional(load_beside(options.reference, "--reference", sound.sample_rate_hz));
-  if (beside) how.lateral = channel_of(*beside, options.lateral_channel.value_or(0), "--lateral-channel", options.lateral);
-  if (!beside && options.lateral_channel) how.lateral = channel_of(sound, *options.lateral_channel, "--lateral-channel", options.file);
-  if (reference) how.reference_10m = channel_of(*reference, 0, "--reference", options.reference);
+  SoundsBeside beside;
+  if (!options.lateral.empty()) beside.lateral = load_beside(options.lateral, "--lateral", sound.sample_rate_hz);
+  if (!options.reference.empty()) beside.reference = load_beside(options.reference, "--reference", sound.sample_rate_hz);
+  how.lateral = lateral_of(options, sound, beside);
+  how.reference_10m = reference_of(options, beside);
 
   int first = 0, last = sound.num_channels - 1;
   if (options.channel) {
@@ -121,6 +137,15 @@ void run_measure(const MeasureArguments& options) {
   } else if (!how.lateral.empty()) {
     last = 0;  // the figure-of-eight response goes with one microphone
   }
+  const MeasurementNames names{.rir = options.file.c_str(),
+                               .direct_delay = "--direct-delay",
+                               .distance = "--distance",
+                               .lateral = options.lateral.empty() ? "--lateral-channel" : "--lateral",
+                               .reference = "--reference",
+                               .green = "--green",
+                               .parameters = "--parameters"};
+  for (int channel = first; channel <= last; ++channel)
+    check_measurement(sound.channel(channel), static_cast<double>(sound.sample_rate_hz), how, names);
   fmt::print("{}: {} channels, {} samples at {:.0f} Hz\n", options.file, sound.num_channels, sound.num_frames(), sound.sample_rate_hz);
   OrderedJson report{{"schema_version", 1}, {"sample_rate_hz", sound.sample_rate_hz}};
   OrderedJson channels = OrderedJson::array();
@@ -148,8 +173,10 @@ void add_measure(CLI::App& app) {
   command->add_option("--bands", options->bands, "Bands: octaves or third_octaves")->capture_default_str();
   command->add_option("--channel", options->channel,
                       "Measure this channel alone, counted from 0 (default: all; with a lateral response 0)");
-  command->add_option("--direct-delay", options->direct_delay_s,
-                      "Time of the direct sound in seconds (default: the first sample within 20 dB of the strongest)");
+  command->add_option(
+      "--direct-delay", options->direct_delay_s,
+      "Time of the direct sound in seconds (default: the first sample within 20 dB of the strongest that stands 14 dB above "
+      "the quietest 10 ms, the noise)");
   command
       ->add_option("--parameters", options->parameters,
                    "Further parameters: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, of a microphone at 1 m), speech (MTI, STI)")
@@ -166,9 +193,9 @@ void add_measure(CLI::App& app) {
                       "Channel of the figure-of-eight microphone, in the file of --lateral or else in the measured file");
   command
       ->add_option("--reference", options->reference,
-                   "Sound file with the response of the same source and microphone at 10 m in a free field (for G and LG)")
+                   "Sound file with the response of the same source and microphone at 10 m in a free field, one channel (for G and LG)")
       ->type_name("FILE");
-  command->add_flag("--green", options->is_green, "The samples are in Green units, as 'earshot rir' writes them (for LG)");
+  command->add_flag("--green", options->is_green, "The samples are in Green units, as 'earshot rir' writes them (for G and LG)");
   command->add_option("--distance", options->distance_m, "Distance of the source in metres (for stage; default: 1)");
   command->callback([options] { run_measure(*options); });
 }

@@ -168,7 +168,7 @@ class PairRenderer {
                      {"energy", metrics_json(energy, request)}};
     Rir omni;
     if (omni_) omni_->render(response, orientation, key, omni);
-    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), reading_of(response, energy, request), json);
+    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), reading_of(response, energy, request, rir), json);
     const RenderEars render_ears = [&](const EnergyResponse& heard, std::uint64_t carriers, Rir& ears) {
       synthesizer_.render(heard, orientation, {key.source ^ (carriers * kCarrierStep), listener}, ears);
     };
@@ -187,10 +187,11 @@ class PairRenderer {
   }
 
  private:
-  /// Time zero of samples is that of the energy response.
-  [[nodiscard]] static RirMeasurement reading_of(const EnergyResponse& response, const RoomMetrics& energy,
-                                                 const ParameterRequest& request) {
-    RirMeasurement how{.direct_delay_s = energy.first_arrival_s.value_or(0.0),
+  /// Time zero of samples is that of the energy response, at the latest their last one.
+  [[nodiscard]] static RirMeasurement reading_of(const EnergyResponse& response, const RoomMetrics& energy, const ParameterRequest& request,
+                                                 const Rir& rir) {
+    const double last_s = (rir.num_samples - 1) / static_cast<double>(rir.sample_rate_hz);
+    RirMeasurement how{.direct_delay_s = std::min(energy.first_arrival_s.value_or(0.0), last_s),
                        .has_direct = energy.direct_delay_s.has_value(),
                        .request = request,
                        .is_green = true};

@@ -28,7 +28,7 @@ OrderedJson metrics_json(const RoomMetrics& metrics, const ParameterRequest& req
   json["decay"] = statuses;
   json["drr_db"] = number_or_null(metrics.drr_db);
   if (request.speech) json["sti"] = number_or_null(metrics.sti);
-  if (!request.any()) return json;
+  if (!request.any() && metrics.missing.empty()) return json;
   json["missing"] = OrderedJson::object();
   for (const MissingParameter& missing : metrics.missing) json["missing"][missing.key] = missing.reason;
   return json;
@@ -39,11 +39,11 @@ void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout&
   how.request.lateral = false;
   RoomMetrics metrics = measure(omni.channel(0), omni.sample_rate_hz, how);
   if (layout.kind == ListenerKind::binaural) {
-    const RoomMetrics ears = measure(heard, how);
+    const std::vector<BandMetrics> ears = measure_interaural(heard, how);
     for (std::size_t band = 0; band < metrics.bands.size(); ++band) {
-      metrics.bands[band].iacc = ears.bands[band].iacc;
-      metrics.bands[band].iacc_early = ears.bands[band].iacc_early;
-      metrics.bands[band].iacc_late = ears.bands[band].iacc_late;
+      metrics.bands[band].iacc = ears[band].iacc;
+      metrics.bands[band].iacc_early = ears[band].iacc_early;
+      metrics.bands[band].iacc_late = ears[band].iacc_late;
     }
   }
   json["rir"] = metrics_json(metrics, how.request);

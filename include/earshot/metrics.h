@@ -30,7 +30,7 @@ struct Metrics {
   std::vector<double> rt60_s;                       ///< T30 if the decay reaches -35 dB, else T20
   std::vector<double> c50_db, c80_db, d50;          ///< clarity and definition
   std::vector<double> ts_s;                         ///< centre time
-  std::vector<double> g_db;                         ///< strength
+  std::vector<double> g_db;                         ///< strength; of samples with a reference or in Green units
   std::vector<double> drr_band_db;                  ///< direct-to-reverberant ratio
   std::vector<double> iacc, iacc_early, iacc_late;  ///< interaural cross-correlation; of two-channel responses only
   /// On request (ParameterOptions): lateral energy fractions, late lateral strength, stage support, modulation transfer index.
@@ -67,9 +67,9 @@ struct MeasureOptions {
   ParameterOptions parameters = {};
   /// Response of a figure-of-eight microphone, its null toward the source, as long as the other one: lateral parameters need it.
   std::vector<float> lateral = {};
-  /// Response of the same source and microphone at 10 m in a free field: LG needs it, and G refers to it.
+  /// Response of the same source and microphone at 10 m in a free field: G and LG refer to it.
   std::vector<float> reference = {};
-  bool green_units = false;                         ///< the samples are in Green units, as Earshot renders them: LG needs no reference
+  bool green_units = false;                         ///< the samples are in Green units, as Earshot renders them: G and LG need no reference
   std::optional<double> distance_m = std::nullopt;  ///< of the source, for stage parameters; nullopt: taken as 1 m
 };
 
@@ -77,7 +77,8 @@ struct MeasureOptions {
 /// with zero-phase filters; a decay shorter than 16 / bandwidth is that of the filter.
 /// @param rir      one channel or more.
 /// @param options  time zero, bands and further parameters.
-/// @throws InputError for an empty response, samples that are not finite, a sample rate that is not positive, or a negative delay.
+/// @throws InputError for an empty response, samples that are not finite, a sample rate that is not positive, a time of the direct
+///                  sound outside the response, and further responses that do not fit it.
 Metrics measure(const Rir& rir, const MeasureOptions& options = {});
 /// The same with the direct sound at direct_delay_s.
 Metrics measure(const Rir& rir, double direct_delay_s);

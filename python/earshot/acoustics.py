@@ -438,7 +438,7 @@ def measure(
     :param speech_snr_db: Ratio of speech to noise for STI: one number, or seven from 125 Hz to 8 kHz; none by default.
     :param lateral: Response [samples] of a figure-of-eight microphone, its null toward the source, for "lateral".
     :param reference: Response [samples] of the same source and microphone at 10 m in a free field, for G and LG.
-    :param green_units: The samples are in Green units, as :meth:`Response.render` gives them, so that LG needs no reference.
+    :param green_units: The samples are in Green units, as :meth:`Response.render` gives them, so that G and LG need no reference.
     :param distance_m: Distance of the source, for "stage"; 1 by default.
 
     >>> decay = 10 ** (-3 * np.arange(16000) / 16000 / 0.5)  # 60 dB in half a second

@@ -169,7 +169,9 @@ def test_measure_finds_the_direct_sound() -> None:
         found = earshot.measure(samples, 16000)
         assert found.direct_delay_s == pytest.approx(onset / 16000, abs=1e-9)
         assert found.drr_db == pytest.approx(expected_db, abs=0.05)
-        assert found.missing == {}
+        assert set(found.missing) == {"g_db"}
+        assert np.isnan(found.g_db).all()
+        assert not np.isnan(earshot.measure(samples, 16000, green_units=True).g_db).any()
         assert np.isnan(found.sti)
 
 
@@ -184,7 +186,7 @@ def test_parameters_on_request_of_samples() -> None:
     assert noisy.sti < 0.51  # at 0 dB nothing is above a half
     lacking = earshot.measure(pair[0], 16000, parameters=["lateral", "stage"])
     assert np.isnan(lacking.j_lf).all()
-    assert set(lacking.missing) == {"j_lf", "j_lfc", "lg_db", "st_late_db"}
+    assert set(lacking.missing) == {"g_db", "j_lf", "j_lfc", "lg_db", "st_late_db"}
     assert len(earshot.measure(pair[0], 16000, bands="third_octaves").bands_hz) == 20
     refused: list[tuple[dict[str, Any], str]] = [
         ({"bands": "halves"}, "measure: bands is 'halves'"),
@@ -192,6 +194,10 @@ def test_parameters_on_request_of_samples() -> None:
         ({"parameters": ["speech"], "speech_snr_db": [1, 2]}, "speech_snr_db: is 2"),
         ({"parameters": ["lateral"], "lateral": pair}, "measure: lateral has shape (2, 16000)"),
         ({"direct_delay_s": -1}, "measure: direct_delay_s is -1"),
+        ({"direct_delay_s": 100}, "direct_delay_s is 100 s, but the response ends after 1 s"),
+        ({"lateral": pair[1]}, "lateral has no effect without lateral parameters"),
+        ({"parameters": ["lateral"], "lateral": pair[0]}, "lateral is the measured response itself"),
+        ({"reference": pair[1], "green_units": True}, "reference is given together with green_units"),
     ]
     for arguments, words in refused:
         with pytest.raises(earshot.InputError, match=re.escape(words)):

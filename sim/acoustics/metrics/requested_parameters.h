@@ -30,16 +30,30 @@ struct BandEnergy {
 /// silence.
 std::optional<double> lateral_fraction(std::span<const double> lateral, const BandEnergy& all);
 /// Late lateral strength LG, the L_J of ISO 3382-1:2009: lateral energy after 80 ms over `reference`, energy at 10 m in a free field.
+/// nullopt where what comes after the end of the series (missing_energy.h) lies less than 10 dB below: 0.4 dB.
 std::optional<double> late_lateral_strength_db(std::span<const double> lateral, double bin_s, double reference);
 /// Stage support (ISO 3382-1:2009, annex C): energy from 20 to 100 ms, and from 100 to 1000 ms, over that of the first 10 ms.
-void add_stage_support(const BandEnergy& all, BandMetrics& band);
+/// Sets those that `missing` does not have.
+void add_stage_support(const BandEnergy& all, std::span<const MissingParameter> missing, BandMetrics& band);
 
-/// Reasons of the stage parameters: distance_m of the direct sound, nullopt where it is not known; length_s of the response after it.
-void add_missing_stage(std::optional<double> distance_m, double length_s, std::vector<MissingParameter>& missing);
+/// What the stage parameters of a response hang on.
+struct StageConditions {
+  bool has_direct;
+  std::optional<double> distance_m;  ///< of the direct sound, nullopt where it is not known
+  double length_s;                   ///< of the response after the direct sound
+};
+/// Reasons of the stage parameters, of the lateral ones (length_s as above), and of all that are on request where nothing arrives.  A
+/// parameter keeps the first reason.
+void add_missing_stage(const StageConditions& conditions, std::vector<MissingParameter>& missing);
+void add_missing_lateral(double length_s, std::vector<MissingParameter>& missing);
+void add_missing_silent(const ParameterRequest& request, std::vector<MissingParameter>& missing);
+/// Reasons of the lateral and stage parameters that single bands lack.
+void add_missing_bands(const ParameterRequest& request, std::span<const float> bands_hz, std::span<const BandMetrics> bands,
+                       std::vector<MissingParameter>& missing);
 bool is_missing(std::span<const MissingParameter> missing, const char* key);
 
 /// Sets MTI of each octave from 125 Hz to 8 kHz and returns STI; energies: of each band.  nullopt, with the reason, where an octave is
-/// missing or silent.
+/// missing or silent, or what comes after its end (missing_energy.h) lies less than 20 dB below it: 0.01 of the index.
 std::optional<double> add_speech_transmission(const ParameterRequest& request, std::span<const float> bands_hz,
                                               std::span<const std::vector<double>> after_direct, std::span<const double> direct,
                                               double bin_s, std::span<BandMetrics> bands, std::vector<MissingParameter>& missing);

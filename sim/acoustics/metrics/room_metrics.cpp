@@ -37,16 +37,11 @@ LateralWeights lateral_weights(const ParameterRequest& request, const EnergyResp
   return weights;
 }
 
-void check_stage(const EnergyResponse& response, const TimeZero& zero, double length_s, std::vector<MissingParameter>& missing) {
-  if (!zero.has_direct) {
-    for (const char* key : {"st_early_db", "st_late_db"}) missing.push_back({key, "needs a line of sight between source and listener"});
-    return;
-  }
-  for (const Arrival& arrival : response.arrivals) {
-    if (arrival.kind != ArrivalKind::direct) continue;
-    add_missing_stage(double{arrival.distance_m}, length_s, missing);
-    return;
-  }
+StageConditions stage_conditions(const EnergyResponse& response, const TimeZero& zero, double length_s) {
+  StageConditions conditions{zero.has_direct, std::nullopt, length_s};
+  for (const Arrival& arrival : response.arrivals)
+    if (arrival.kind == ArrivalKind::direct && !conditions.distance_m) conditions.distance_m = double{arrival.distance_m};
+  return conditions;
 }
 
 }  // namespace
@@ -57,13 +52,17 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response, 
   const TimeZero zero(response, scene.speed_of_sound_m_per_s());
   if (zero.has_direct) metrics.direct_delay_s = zero.start_s;
   metrics.bands.resize(scene.num_bands());
-  if (!std::isfinite(zero.start_s)) return metrics;  // silence
+  if (!std::isfinite(zero.start_s)) {
+    add_missing_silent(request, metrics.missing);
+    return metrics;
+  }
   metrics.first_arrival_s = zero.start_s;
 
   const double length_s = scene.config().rir_length_s - zero.start_s;
   const SeriesBins bins = series_bins(response.late.bin_s(), length_s);
   const LateralWeights weights = lateral_weights(request, response, metrics.missing);
-  if (request.stage) check_stage(response, zero, length_s, metrics.missing);
+  if (request.lateral) add_missing_lateral(length_s, metrics.missing);
+  if (request.stage) add_missing_stage(stage_conditions(response, zero, length_s), metrics.missing);
   std::vector<std::vector<double>> after_direct;
   std::vector<double> direct;
   double direct_sum = 0, reverberant_sum = 0, bandwidth_sum = 0;
@@ -78,12 +77,11 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response, 
     };
     if (weights.squared_cosine) {
       const std::vector<double> squared = lateral(*weights.squared_cosine);
-      of_band.j_lf = lateral_fraction(squared, all);
+      if (!is_missing(metrics.missing, "j_lf")) of_band.j_lf = lateral_fraction(squared, all);
       of_band.lg_db = late_lateral_strength_db(squared, bins.bin_s, kFreeField10m);
     }
-    if (weights.cosine) of_band.j_lfc = lateral_fraction(lateral(*weights.cosine), all);
-    if (request.stage && !is_missing(metrics.missing, "st_early_db")) add_stage_support(all, of_band);
-    if (is_missing(metrics.missing, "st_late_db")) of_band.st_late_db.reset();
+    if (weights.cosine && !is_missing(metrics.missing, "j_lfc")) of_band.j_lfc = lateral_fraction(lateral(*weights.cosine), all);
+    if (request.stage) add_stage_support(all, metrics.missing, of_band);
 
     const double bandwidth = scene.bands().edge_hz[band + 1] - scene.bands().edge_hz[band];
     direct_sum += bandwidth * first.direct;
@@ -91,6 +89,7 @@ RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response, 
     bandwidth_sum += bandwidth;
     if (request.speech) after_direct.push_back(std::move(series)), direct.push_back(first.direct);
   }
+  add_missing_bands(request, metrics.bands_hz, metrics.bands, metrics.missing);
   if (request.speech)
     metrics.sti = add_speech_transmission(request, metrics.bands_hz, after_direct, direct, bins.bin_s, metrics.bands, metrics.missing);
   metrics.drr_db = level_ratio_db(direct_sum, reverberant_sum);

@@ -7,6 +7,7 @@
 
 #include "sim/acoustics/core/energy_decay.h"
 #include "sim/acoustics/metrics/requested_parameters.h"
+#include "sim/acoustics/metrics/rir_measurement.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/synthesis/rir_synthesis.h"
 
@@ -19,7 +20,7 @@ struct RoomMetrics {
   std::optional<double> direct_delay_s, direct_amplitude;  ///< nullopt without line of sight; amplitude: rms over hertz
   std::optional<double> first_arrival_s;                   ///< time zero of an energy response; nullopt of silence and of samples
   std::optional<double> sti;                               ///< on request
-  std::vector<MissingParameter> missing;                   ///< of those on request, with reasons
+  std::vector<MissingParameter> missing;                   ///< of those on request and of G, with reasons
 };
 
 /// From the energy response: exact times, no carrier noise.  Time zero is the direct arrival, or, without line of sight, the first
@@ -27,33 +28,17 @@ struct RoomMetrics {
 /// are continuous through a shadow boundary; in sight, sound diffracted within 2.5 ms counts as direct sound.
 RoomMetrics measure(const AcousticScene& scene, const EnergyResponse& response, const ParameterRequest& request = {});
 
-/// Bands of a response in samples.
-enum class MeasuredBands { octaves, third_octaves };
-
-/// Reading of a response in samples.
-struct RirMeasurement {
-  std::optional<double> direct_delay_s = std::nullopt;  ///< time of the direct sound; nullopt: that of the onset (onset.h)
-  bool has_direct = true;  ///< false: the first sound counts as reverberation, as in an energy response without line of sight
-  MeasuredBands bands = MeasuredBands::octaves;
-  ParameterRequest request{};
-  /// Response of a figure-of-eight microphone at the same place with its null toward the source and the sensitivity of the other one on its
-  /// axis, of equal length.  Lateral parameters need it.
-  std::span<const float> lateral{};
-  /// Response of the same source and microphone at 10 m in a free field, at the same rate: the reference of G and LG.  Without it G takes
-  /// the samples as Green units, and LG is missing unless is_green.
-  std::span<const float> reference_10m{};
-  bool is_green = false;                            ///< the samples are known to be in Green units
-  std::optional<double> distance_m = std::nullopt;  ///< of the source, for stage parameters; nullopt: taken as 1 m
-};
-
 /// From one channel of a RIR: zero-phase filters, energies in 1 ms windows.  The direct sound is what lies within 2.5 ms of its time.
-/// Shorter than 16 / bandwidth a decay is that of the filter (docs/evidence/oracles.md, O-25).  Throws InputError for samples that are not
-/// finite, and for lateral or reference responses of a wrong length.
+/// Shorter than 16 / bandwidth a decay is that of the filter (docs/evidence/oracles.md, O-25).  Throws InputError by check_measurement.
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirMeasurement& how);
+/// Of samples in Green units.
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s);
 
 /// The same of channel 0 of a RIR; with two channels the correlation between them is added, in windows from the earlier onset on.
 RoomMetrics measure(const Rir& rir, const RirMeasurement& how);
 RoomMetrics measure(const Rir& rir, double direct_delay_s);
+
+/// The correlation between two channels alone: iacc, iacc_early and iacc_late of each band.
+std::vector<BandMetrics> measure_interaural(const Rir& rir, const RirMeasurement& how);
 
 }  // namespace earshot

@@ -23,34 +23,17 @@ BandLayout layout_of(MeasuredBands bands, float sample_rate_hz) {
 /// Of the edges of the filters, octaves: a half of the bandwidth is one edge.
 double half_width_of(MeasuredBands bands) { return bands == MeasuredBands::octaves ? 0.25 : 1.0 / 12; }
 
-void require_samples(std::span<const float> samples, const char* name) {
-  require(!samples.empty(), name, samples.size(), "has no samples to measure");
-  require(samples.size() <= (std::size_t{1} << 23), name, samples.size(), "is longer than 2^23 samples");
-  const auto bad = std::find_if(samples.begin(), samples.end(), [](float value) { return !std::isfinite(value); });
-  if (bad != samples.end()) require(false, name, *bad, "must be finite");
-}
-
-void validate(std::span<const float> rir, const RirMeasurement& how) {
-  require_samples(rir, "rir");
-  if (how.direct_delay_s) require(*how.direct_delay_s >= 0, "direct_delay_s", *how.direct_delay_s, "must not be negative");
-  if (!how.lateral.empty()) {
-    require_samples(how.lateral, "lateral");
-    require(how.lateral.size() == rir.size(), "lateral", how.lateral.size(), "must have as many samples as the response");
-  }
-  if (!how.reference_10m.empty()) {
-    require_samples(how.reference_10m, "reference");
-    require(energy_of(how.reference_10m) > 0, "reference", 0, "must not be silent");
-  }
-}
+bool has_reference(const RirMeasurement& how) { return how.is_green || !how.reference_10m.empty(); }
 
 void add_missing(const RirMeasurement& how, double length_s, std::vector<MissingParameter>& missing) {
-  const bool has_reference = how.is_green || !how.reference_10m.empty();
-  if (how.request.lateral && how.lateral.empty()) {
+  constexpr const char* kNeedsReference = "needs a strength reference: the response at 10 m in a free field, or samples in Green units";
+  if (!has_reference(how)) missing.push_back({"g_db", kNeedsReference});
+  if (how.request.lateral && how.lateral.empty())
     for (const char* key : {"j_lf", "j_lfc", "lg_db"}) missing.push_back({key, "needs the response of a figure-of-eight microphone"});
-  } else if (how.request.lateral && !has_reference) {
-    missing.push_back({"lg_db", "needs a strength reference: the response at 10 m in a free field"});
-  }
-  if (how.request.stage) add_missing_stage(how.distance_m, length_s, missing);
+  else if (how.request.lateral && !has_reference(how))
+    missing.push_back({"lg_db", kNeedsReference});
+  if (how.request.lateral) add_missing_lateral(length_s, missing);
+  if (how.request.stage) add_missing_stage({how.has_direct, how.distance_m, length_s}, missing);
 }
 
 /// Parameters of one band that are on request, but those of speech.
@@ -60,12 +43,11 @@ void add_requested(const RirMeasurement& how, const BandSignals& signals, double
   if (how.request.lateral && !how.lateral.empty()) {
     // Both microphones have the whole response here: the direct sound counts where the filter puts it.
     const BandEnergy whole{signals.whole, kMeasuredBinS, 0.0};
-    band.j_lf = lateral_fraction(signals.lateral, whole);
-    band.j_lfc = lateral_fraction(signals.product, whole);
+    if (!is_missing(missing, "j_lf")) band.j_lf = lateral_fraction(signals.lateral, whole);
+    if (!is_missing(missing, "j_lfc")) band.j_lfc = lateral_fraction(signals.product, whole);
     if (!is_missing(missing, "lg_db")) band.lg_db = late_lateral_strength_db(signals.lateral, kMeasuredBinS, reference);
   }
-  if (how.request.stage && !is_missing(missing, "st_early_db")) add_stage_support(all, band);
-  if (is_missing(missing, "st_late_db")) band.st_late_db.reset();
+  if (how.request.stage) add_stage_support(all, missing, band);
 }
 
 double onset_s(std::span<const float> samples, double rate) { return static_cast<double>(find_onset(samples, rate).value_or(0)) / rate; }
@@ -73,11 +55,16 @@ double onset_s(std::span<const float> samples, double rate) { return static_cast
 }  // namespace
 
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirMeasurement& how) {
-  validate(rir, how);
+  check_measurement(rir, sample_rate_hz, how);
   const double rate = sample_rate_hz, delay_s = how.direct_delay_s ? *how.direct_delay_s : onset_s(rir, rate);
   const BandLayout bands = layout_of(how.bands, sample_rate_hz);
   RoomMetrics metrics;
   metrics.bands_hz = bands.centre_hz;
+  if (!(energy_of(rir) > 0)) {
+    metrics.bands.resize(metrics.bands_hz.size());
+    add_missing_silent(how.request, metrics.missing);
+    return metrics;
+  }
   add_missing(how, static_cast<double>(rir.size()) / rate - delay_s, metrics.missing);
 
   BandAnalysis analysis(rir, how.lateral, bands, half_width_of(how.bands), rate, delay_s, how.has_direct);
@@ -97,8 +84,10 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirM
       reference = std::accumulate(free_field.begin(), free_field.end(), 0.0);
       if (of_band.g_db) of_band.g_db = level_ratio_db(kFreeField10m * std::pow(10.0, 0.1 * *of_band.g_db), reference);
     }
+    if (!has_reference(how)) of_band.g_db.reset();
     add_requested(how, signals, reference, metrics.missing, of_band);
   }
+  add_missing_bands(how.request, metrics.bands_hz, metrics.bands, metrics.missing);
   if (how.request.speech)
     metrics.sti = add_speech_transmission(how.request, metrics.bands_hz, whole, std::vector<double>(whole.size(), 0.0), kMeasuredBinS,
                                           metrics.bands, metrics.missing);
@@ -112,26 +101,41 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirM
 }
 
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, double direct_delay_s) {
-  return measure(rir, sample_rate_hz, RirMeasurement{.direct_delay_s = direct_delay_s});
+  return measure(rir, sample_rate_hz, RirMeasurement{.direct_delay_s = direct_delay_s, .is_green = true});
 }
 
 RoomMetrics measure(const Rir& rir, const RirMeasurement& how) {
   require(rir.num_channels >= 1, "channels", rir.num_channels, "must be at least one");
   RoomMetrics metrics = measure(rir.channel(0), rir.sample_rate_hz, how);
   if (rir.num_channels != 2) return metrics;
-  const double rate = static_cast<double>(rir.sample_rate_hz);
-  const double delay_s = how.direct_delay_s ? *how.direct_delay_s : std::min(onset_s(rir.channel(0), rate), onset_s(rir.channel(1), rate));
-  const BandLayout bands = layout_of(how.bands, rir.sample_rate_hz);
-  for (int band = 0; band < bands.size(); ++band) {
-    const std::size_t heard = std::min<std::size_t>(rir.channel(0).size(), kMaxInterauralSamples);
-    const InterauralCorrelation iacc = interaural_correlation(rir.channel(0).first(heard), rir.channel(1).first(heard), rir.sample_rate_hz,
-                                                              delay_s, bands, band, half_width_of(how.bands));
-    BandMetrics& of_band = metrics.bands[static_cast<std::size_t>(band)];
-    of_band.iacc = iacc.total, of_band.iacc_early = iacc.early, of_band.iacc_late = iacc.late;
+  const std::vector<BandMetrics> interaural = measure_interaural(rir, how);
+  for (std::size_t band = 0; band < interaural.size(); ++band) {
+    BandMetrics& of_band = metrics.bands[band];
+    of_band.iacc = interaural[band].iacc;
+    of_band.iacc_early = interaural[band].iacc_early;
+    of_band.iacc_late = interaural[band].iacc_late;
   }
   return metrics;
 }
 
-RoomMetrics measure(const Rir& rir, double direct_delay_s) { return measure(rir, RirMeasurement{.direct_delay_s = direct_delay_s}); }
+RoomMetrics measure(const Rir& rir, double direct_delay_s) {
+  return measure(rir, RirMeasurement{.direct_delay_s = direct_delay_s, .is_green = true});
+}
+
+std::vector<BandMetrics> measure_interaural(const Rir& rir, const RirMeasurement& how) {
+  require(rir.num_channels == 2, "channels", rir.num_channels, "must be two");
+  const double rate = static_cast<double>(rir.sample_rate_hz);
+  const double delay_s = how.direct_delay_s ? *how.direct_delay_s : std::min(onset_s(rir.channel(0), rate), onset_s(rir.channel(1), rate));
+  const BandLayout bands = layout_of(how.bands, rir.sample_rate_hz);
+  const std::size_t heard = std::min<std::size_t>(rir.channel(0).size(), kMaxInterauralSamples);
+  std::vector<BandMetrics> found(static_cast<std::size_t>(bands.size()));
+  for (int band = 0; band < bands.size(); ++band) {
+    const InterauralCorrelation iacc = interaural_correlation(rir.channel(0).first(heard), rir.channel(1).first(heard), rir.sample_rate_hz,
+                                                              delay_s, bands, band, half_width_of(how.bands));
+    BandMetrics& of_band = found[static_cast<std::size_t>(band)];
+    of_band.iacc = iacc.total, of_band.iacc_early = iacc.early, of_band.iacc_late = iacc.late;
+  }
+  return found;
+}
 
 }  // namespace earshot

@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 
-#include "sim/acoustics/core/jackknife.h"
 #include "sim/acoustics/metrics/band_metric_keys.h"
+#include "sim/acoustics/metrics/draw_spread.h"
 #include "sim/acoustics/metrics/late_errors.h"
 #include "sim/acoustics/source_field/source_field.h"
 
@@ -19,18 +19,12 @@ using BandDraws = std::vector<std::vector<BandMetrics>>;  ///< [draw][band]
 constexpr int kRepetitions = 8;
 constexpr std::array<BandValue, 3> kInteraural{&BandMetrics::iacc, &BandMetrics::iacc_early, &BandMetrics::iacc_late};
 
-/// Of the mean of values; nullopt of fewer than two.
-std::optional<double> stated_error(const std::vector<double>& values) {
-  const std::optional<double> error = error_of_mean(values);
-  return error ? std::optional(*error * student_factor(static_cast<double>(values.size()) - 1)) : std::nullopt;
-}
-
-/// Scaled by `factor`: 1 for the mean of the draws, sqrt(kRepetitions) for one of them.
+/// Of one draw, times `factor`.
 std::optional<double> error_of_draws(const BandDraws& draws, std::size_t band, BandValue value, double factor) {
   std::vector<double> values;
   for (const std::vector<BandMetrics>& draw : draws)
     if (draw[band].*value) values.push_back(*(draw[band].*value));
-  const std::optional<double> error = stated_error(values);
+  const std::optional<double> error = spread_of_draws(values);
   return error ? std::optional(*error * factor) : std::nullopt;
 }
 
@@ -67,7 +61,7 @@ std::vector<BandMetrics> errors_of_batches(const std::vector<BandErrors>& batche
 }
 
 /// Correlations of the ears of a response.
-std::vector<BandMetrics> correlations(const Rir& ears, double delay_s) { return measure(ears, delay_s).bands; }
+std::vector<BandMetrics> correlations(const Rir& ears, double delay_s) { return measure_interaural(ears, {.direct_delay_s = delay_s}); }
 
 /// Errors of IACC: of the mean of repeated traces, in quadrature with the spread of one set of carriers.
 std::vector<BandMetrics> interaural_errors(const EnergyResponse& response, double delay_s, const RenderEars& render_ears,
@@ -82,7 +76,7 @@ std::vector<BandMetrics> interaural_errors(const EnergyResponse& response, doubl
   for (std::size_t band = 0; band < errors.size(); ++band)
     for (const BandValue value : kInteraural) {
       const std::optional<double> of_trace = error_of_draws(traced, band, value, factor),
-                                  of_carriers = error_of_draws(carried, band, value, std::sqrt(double{kRepetitions}));
+                                  of_carriers = error_of_draws(carried, band, value, 1.0);
       if (of_trace && of_carriers) errors[band].*value = std::hypot(*of_trace, *of_carriers);
     }
   return errors;
@@ -104,7 +98,7 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
   std::vector<double> sti;
   // A bidirectional trace has rays from the source too, which no part of its rays from the listener tells of: it is repeated whole.
   const int rays = acoustics.config().rays / (has_batches ? 1 : kRepetitions);
-  const double factor = has_batches ? std::sqrt(double{kRepetitions}) : 1.0;
+  const double factor = has_batches ? 1.0 : 1.0 / std::sqrt(double{kRepetitions});  // a trace with all rays spreads less
   repeat_trace(acoustics, candidates, listener, rays, [&](const AcousticScene& scene, const EnergyResponse& of_part) {
     RoomMetrics metrics = measure(scene, of_part, request);
     repeated.push_back(std::move(metrics.bands));
@@ -114,7 +108,7 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
     render_ears(of_part, 0, ears);
     traced.push_back(correlations(ears, delay_s));
   });
-  errors.sti = stated_error(sti);
+  errors.sti = spread_of_draws(sti);
   if (errors.sti) *errors.sti *= factor;
   errors.bands.resize(repeated[0].size());
   for (std::size_t band = 0; band < errors.bands.size(); ++band) {

@@ -6,9 +6,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -93,6 +95,10 @@ TEST_F(MeasureCli, BadInputIsOneLine) {
   expect_bad_input(r + " --bands halves", "octaves or third_octaves");
   expect_bad_input(r + " --channel 1", "which has 1 channels");
   expect_bad_input(r + " --direct-delay -1", "--direct-delay");
+  expect_bad_input(r + " --direct-delay 100", "--direct-delay");
+  expect_bad_input(r + " --direct-delay 100", "ends after 0.1 s");
+  expect_bad_input(r + " --direct-delay nan", "--direct-delay");
+  expect_bad_input(r + " --distance 0", "--distance");
   expect_bad_input(r + " --parameters loudness", "lateral, stage, speech");
   expect_bad_input(r + " --parameters interaural", "standard errors");
   expect_bad_input(r + " --speech-snr 3", "without 'speech'");
@@ -100,10 +106,70 @@ TEST_F(MeasureCli, BadInputIsOneLine) {
   expect_bad_input(r + " --parameters lateral --lateral " + file("short.wav"), "as many samples");
   expect_bad_input(r + " --parameters lateral --lateral " + file("other.wav"), "8000 Hz");
   expect_bad_input(r + " --parameters lateral --green --reference " + file("r.wav"), "one of them");
+  expect_bad_input(r + " --green --reference " + file("r.wav"), "one of them");
+  expect_bad_input(r + " --parameters lateral --lateral " + file("r.wav"), "the measured response itself");
+  expect_bad_input(r + " --parameters lateral --lateral-channel 0", "the channel that is measured");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 3,1,2 --out " + file("x.wav") + " --parameters stage", "--metrics");
   expect_bad_input("rir shoebox:5x3x4 --source 1,1,1 --listener 3,1,2 --channels mono --out " + file("x.wav") + " --metrics " +
                        file("x.json") + " --parameters interaural",
                    "two ears");
+}
+
+// One channel of several is never taken without a word.
+TEST_F(MeasureCli, NamesTheChannelOfFilesBesideTheMeasuredOne) {
+  std::vector<float> both(2 * 16000, 0.f);
+  both[1600] = 1.f, both[2400] = 0.5f, both[16000 + 2400] = 0.3f;
+  write_wav(file("pair.wav"), both, 2, 16000);
+  write_wav(file("one.wav"), std::span<const float>(both).first(16000), 1, 16000);
+  const std::string pair = "measure " + file("pair.wav"), one = "measure " + file("one.wav");
+  for (const int channel : {0, 1})
+    expect_bad_input(pair + fmt::format(" --channel {0} --parameters lateral --lateral-channel {0}", channel),
+                     "the channel that is measured");
+  expect_bad_input(one + " --reference " + file("pair.wav"), "has 2 channels");
+  expect_bad_input(one + " --parameters lateral --lateral " + file("pair.wav"), "--lateral-channel");
+  const std::string named = " --parameters lateral --lateral " + file("pair.wav") + " --lateral-channel 1";
+  const nlohmann::json channel = measured(file("one.wav") + named).at("channels").at(0);
+  EXPECT_TRUE(channel.at("j_lf").at(3).is_number());
+}
+
+TEST_F(MeasureCli, StrengthOfAnUncalibratedRecordingIsMissing) {
+  write_wav(file("r.wav"), recorded(1, 0.1, 0.4, 0.05), 1, 16000);
+  const nlohmann::json plain = measured(file("r.wav")).at("channels").at(0),
+                       green = measured(file("r.wav") + " --green").at("channels").at(0);
+  for (const nlohmann::json& value : plain.at("g_db")) EXPECT_TRUE(value.is_null());
+  EXPECT_THAT(plain.at("missing").at("g_db").get<std::string>(), testing::HasSubstr("reference"));
+  EXPECT_TRUE(green.at("g_db").at(3).is_number() && !green.contains("missing"));
+  EXPECT_THAT(earshot("measure --help").output, testing::HasSubstr("14 dB above"));
+}
+
+// A screen between source and listener, 1 m apart: neither the energy nor the samples of any channel have stage parameters.
+TEST_F(MeasureCli, StageParametersNeedALineOfSight) {
+  std::string obj;
+  int corners = 0;
+  const auto append_box = [&](double x0, double z0, double x1, double y1, double z1, bool inward) {
+    for (int corner = 0; corner < 8; ++corner)
+      obj += fmt::format("v {} {} {}\n", corner & 1 ? x1 : x0, corner & 2 ? y1 : 0.0, corner & 4 ? z1 : z0);
+    constexpr std::array<std::array<int, 4>, 6> sides{{{1, 5, 7, 3}, {2, 4, 8, 6}, {1, 2, 6, 5}, {3, 7, 8, 4}, {1, 3, 4, 2}, {5, 6, 8, 7}}};
+    for (const auto& [a, b, c, d] : sides)
+      obj += inward ? fmt::format("f {} {} {} {}\n", corners + d, corners + c, corners + b, corners + a)
+                    : fmt::format("f {} {} {} {}\n", corners + a, corners + b, corners + c, corners + d);
+    corners += 8;
+  };
+  append_box(0, 0, 8, 3, 6, true);
+  append_box(3.4, 1.2, 3.5, 2.2, 2.8, false);
+  write("screen.obj", obj);
+  const std::string options =
+      " --preset fast --set rays=256 rir_length_s=1.2 --parameters stage --source 3,1.2,2 --listener 3.98,1.2,2 --out " + file("r.wav") +
+      " --metrics " + file("r.json");
+  const CliOutcome outcome = earshot("rir " + file("screen.obj") + options);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+  const nlohmann::json hidden = parse_json(read("r.json"));
+  EXPECT_TRUE(hidden.at("direct_delay_s").is_null());
+  for (const nlohmann::json& part : {hidden.at("energy"), hidden.at("rir"), hidden.at("ears").at("left")})
+    for (const char* key : {"st_early_db", "st_late_db"}) {
+      for (const nlohmann::json& value : part.at(key)) EXPECT_TRUE(value.is_null()) << part;
+      EXPECT_THAT(part.at("missing").at(key).get<std::string>(), testing::HasSubstr("line of sight"));
+    }
 }
 
 // In a rough shoebox far from the source the field is nearly diffuse: J_LF near 1/3 less the frontal part, LG near G less 5 dB.
