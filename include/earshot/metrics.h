@@ -38,7 +38,7 @@ struct Metrics {
   double sti = 0;                                   ///< speech transmission index, on request
   double drr_db = 0;                                ///< broadband, of a source with equal energy per hertz
   double direct_delay_s = 0, direct_amplitude = 0;  ///< NaN without a line of sight
-  std::vector<MissingMetric> missing;               ///< of those on request, with reasons
+  std::vector<MissingMetric> missing;               ///< of those on request and of G, with reasons
 };
 
 /// Parameters that are computed on request only; docs/reference/room_parameters.md has what each needs.

@@ -55,7 +55,7 @@ class Metrics:
     drr_db: float
     direct_delay_s: float
     direct_amplitude: float
-    missing: dict[str, str]  #: parameters that were asked for and do not exist, with reasons
+    missing: dict[str, str]  #: parameters that were asked for, or G, that do not exist, with reasons
 
     def __repr__(self) -> str:
         middle = int(np.abs(self.bands_hz - 1000).argmin())
