@@ -126,7 +126,7 @@ void add_dataset_grid(CLI::App& dataset) {
       ->check(CLI::IsMember({"wav", "zarr"}))
       ->capture_default_str();
   command->add_option("--pictures", options->pictures,
-                      "WIDTHxHEIGHT in pixels: also write colour and depth at each point for the headings 0, 90, 180 and 270 degrees");
+                      "Pictures of colour and depth at each point for the headings 0, 90, 180 and 270 degrees, WIDTHxHEIGHT in pixels");
   add_sharing_options(*command, options->target, "split by sources");
   command->callback([options] { run_dataset_grid(*options); });
 }

@@ -37,6 +37,8 @@ const std::map<std::string, std::string> kNeeded{{"rir", "IN --source 1,1,1 --li
                                                  {"dataset scenes", "IN"},
                                                  {"dataset pano", "IN"},
                                                  {"dataset convolve", "IN --speech IN"},
+                                                 {"dataset grid", "IN"},
+                                                 {"measure", "IN"},
                                                  {"eval", "IN"},
                                                  {"policy", "IN"},
                                                  {"verify", "IN"},
