@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <exception>
 #include <memory>
 
 #include "sim/base/errors.h"
@@ -282,11 +283,16 @@ const DatasetTemplate* listed_file(const DatasetConfig& config, const fs::path& 
 HabitatScene read_by_instance(const fs::path& file) {
   static_cast<void>(read_json_object(file));  // before the search: it may be missing or damaged
   fs::path folder = file.parent_path();
+  std::exception_ptr damaged;  // of the first config that cannot be read: another one may list the scene
   for (std::size_t level = 0; level < kMaxFolders; ++level) {
     std::vector<std::shared_ptr<const DatasetConfig>> configs;
     for (const fs::path& path : find_files(folder.empty() ? fs::path(".") : folder, std::string(kConfigEnd))) {
-      auto config = std::make_shared<const DatasetConfig>(path);
-      if (listed_file(*config, file)) configs.push_back(std::move(config));
+      try {
+        auto config = std::make_shared<const DatasetConfig>(path);
+        if (listed_file(*config, file)) configs.push_back(std::move(config));
+      } catch (const InputError&) {
+        if (!damaged) damaged = std::current_exception();
+      }
     }
     if (configs.size() > 1)
       throw InputError(file.string(),
@@ -297,6 +303,7 @@ HabitatScene read_by_instance(const fs::path& file) {
     if (fs::equivalent(folder.empty() ? fs::path(".") : folder, "/", error)) break;
     folder = folder.empty() || folder.filename() == ".." || folder.filename() == "." ? folder / ".." : folder.parent_path();
   }
+  if (damaged) std::rethrow_exception(damaged);
   throw InputError(file.string(), "is listed by no *.scene_dataset_config.json in its folder or those above",
                    "keep the data set together, or write CONFIG,scene=HANDLE");
 }

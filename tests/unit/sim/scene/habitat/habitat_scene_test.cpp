@@ -240,6 +240,22 @@ TEST(HabitatScene, RefusesInOneLine) {
               HasSubstr("is listed by no *.scene_dataset_config.json"));
 }
 
+// A config beside or above the data set that cannot be read stops no scene that another one lists, and is named where none does.
+TEST(HabitatScene, ADamagedConfigOfAnotherSetIsPassedOver) {
+  for (const char* place : {"", "set/"})
+    for (const char* text : {"{", "[]", R"({"scene_instances": 5})"}) {
+      const TempFolder folder;
+      const HabitatSet set(3);
+      set.write([&](const std::string& name, const std::string& its_text) { folder.write("set/" + name, its_text); });
+      const std::string scene = folder / (std::string("set/") + HabitatSet::kScene);
+      const Scene expected = load_scene(scene);
+      folder.write(std::string(place) + "a.scene_dataset_config.json", text);
+      EXPECT_EQ(load_scene(scene).hash(), expected.hash()) << place << text;
+      const std::string lone = folder.write(std::string(place) + "lone.scene_instance.json", json_text(set.jsons().at(HabitatSet::kScene)));
+      EXPECT_THAT(message_of<InputError>([&] { static_cast<void>(load_scene(lone)); }), HasSubstr("a.scene_dataset_config.json"));
+    }
+}
+
 // Whatever the bytes of one file become: a scene, or one line.
 TEST(HabitatScene, DamagedFilesAreRefusedOrRead) {
   const TempFolder folder;
