@@ -11,6 +11,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from ..._engine import InputError
+from ._episodes import check_scene_dataset
 
 PICTURES = {"RGB": "rgb", "Depth": "depth", "Semantic": "semantic"}
 HEARD = {"EarshotAudioGoalSensor": "heard", "EarshotSpectrogramSensor": "spectrogram"}
@@ -108,6 +109,7 @@ def engine_keys(config: Any, observation: Mapping[str, Any], success_m: float | 
     config: habitat.simulator; its keys `earshot` go over those that follow from the others.
     observation: of the sensors that are on.
     """
+    check_scene_dataset(config.get("scene_dataset"), "habitat.simulator.scene_dataset")
     agent = agent_of(config)
     limit = int(config.get("max_episode_steps", 0) or 0)
     keys: dict[str, Any] = {

@@ -3,24 +3,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import re
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..._engine import InputError
 
-#: More episodes than these are opened scene by scene.
+#: More episodes than these are opened scene by scene, in blocks of so many; an episode then has its number in its block.
 MAX_OPENED = 20_000
 #: Of an episode that names none, where nothing is heard.
 SILENT_SOUND = "synth:telephone"
 
+#: Onset of a sound that no step reaches.
+NEVER_S = 1e6
+
 _SCENE_SPEC = re.compile(r"[a-z_]+:")
+_OPTION = re.compile(r",(?:up|unit|scene)=")  #: after the file of a scene; folders may have commas
 
 _has_warned_of_distractors = False
 
@@ -34,7 +39,13 @@ def scene_of(scene_id: str, mesh: str) -> str:
     """The SCENE of an episode.  mesh: of a file, "up=z"."""
     if is_scene_of_earshot(scene_id):
         return scene_id
-    return os.path.abspath(scene_id) + (f",{mesh}" if mesh and "," not in scene_id else "")
+    return os.path.abspath(scene_id) + (f",{mesh}" if mesh and not _OPTION.search(scene_id) else "")
+
+
+def check_scene_dataset(value: str | None, name: str) -> None:
+    """Raises InputError for one that Earshot would leave out."""
+    if value not in (None, "", "default"):
+        raise InputError(f"{name} is {value}; let it be default, and name the scene as {value},scene=HANDLE")
 
 
 def engine_episode(episode: Any, hears: bool = False, mesh: str = "") -> dict[str, Any]:
@@ -42,6 +53,7 @@ def engine_episode(episode: Any, hears: bool = False, mesh: str = "") -> dict[st
 
     hears: an episode without a sound raises InputError.  mesh: as of scene_of().
     """
+    check_scene_dataset(getattr(episode, "scene_dataset_config", None), f"episode {episode.episode_id!r}: scene_dataset_config")
     info = episode.info or {}
     sound = getattr(episode, "sound_id", None) or info.get("sound")
     if not sound and hears and not getattr(episode, "sources", None):
@@ -108,8 +120,7 @@ class EpisodeBook:
         self._mesh = mesh
         self._known: Sequence[Any] = ()
         self._numbers: dict[str, int] = {}
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._count = 0
+        self._made: dict[str, list[str]] = {}  #: by scene, those that were made by hand
 
     def know(self, episodes: Sequence[Any]) -> None:
         """episodes: of the data set."""
@@ -119,29 +130,34 @@ class EpisodeBook:
         """Index in the set that was written last; None: it is not in it."""
         return self._numbers.get(self._text(episode))
 
-    def write(self, episode: Any) -> Path:
-        """A new set with this episode and those that are known, in their order: the bits of an episode depend on its number."""
-        wanted = self._text(episode)
-        together = self._known
-        if len(self._known) > MAX_OPENED:
-            together = [other for other in self._known if other.scene_id == episode.scene_id][:MAX_OPENED]
-        texts = [self._text(other) for other in together]
-        if wanted not in texts:  # one that was made by hand: keep those before it
-            scene = json.loads(wanted)["scene_id"]
-            texts += [*(text for text in self._numbers if json.loads(text)["scene_id"] == scene), wanted]
-        texts = list(dict.fromkeys(texts))
-        self._numbers = {text: number for number, text in enumerate(texts)}
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(prefix="earshot_habitat_")
-        self._count += 1
-        path = Path(self._folder.name) / f"{self._count}.json"
-        path.write_text('{"episodes":[' + ",\n".join(texts) + "]}", encoding="utf-8")
-        return path
+    @contextlib.contextmanager
+    def written(self, episode: Any) -> Iterator[tuple[Path, int]]:
+        """A set with this episode and those that are known, in their order, and its number: the bits of an episode depend on it.
 
-    def close(self) -> None:
-        if self._folder is not None:
-            self._folder.cleanup()
-        self._folder = None
+        The file is there, and the episodes are in the book, until and unless the body raises; the file goes with the body.
+        """
+        wanted = self._text(episode)
+        scene = json.loads(wanted)["scene_id"]
+        texts = self._block(wanted, episode.scene_id)
+        is_made_by_hand = wanted not in texts
+        if is_made_by_hand:
+            texts += [*self._made.get(scene, ()), wanted]  # those before it keep their numbers
+        texts = list(dict.fromkeys(texts))
+        numbers = {text: number for number, text in enumerate(texts)}
+        with tempfile.TemporaryDirectory(prefix="earshot_habitat_") as folder:
+            path = Path(folder) / "set.json"
+            path.write_text('{"episodes":[' + ",\n".join(texts) + "]}", encoding="utf-8")
+            yield path, numbers[wanted]
+        self._numbers = numbers  # the engine has taken them
+        if is_made_by_hand and wanted not in self._made.setdefault(scene, []):
+            self._made[scene].append(wanted)
+
+    def _block(self, wanted: str, scene_id: str) -> list[str]:
+        """Texts of the known ones that are opened together with this one."""
+        is_whole = len(self._known) <= MAX_OPENED
+        texts = [self._text(other) for other in self._known if is_whole or other.scene_id == scene_id]
+        first = texts.index(wanted) // MAX_OPENED * MAX_OPENED if wanted in texts else 0
+        return texts[first : first + MAX_OPENED]
 
     def _text(self, episode: Any) -> str:
         return json.dumps(engine_episode(episode, self.hears, self._mesh))

@@ -41,18 +41,33 @@ def heading_of(rotation: Any) -> float:
     return math.atan2(-ahead[0], -ahead[2])
 
 
+class Draws:
+    """Numbers of random points, which go on from floor to floor."""
+
+    def __init__(self, seed: int) -> None:
+        self.seed(seed)
+
+    def seed(self, seed: int) -> None:
+        self._seed = int(seed) % 2**63
+        self._taken = 0
+
+    def take(self) -> tuple[int, int]:
+        """Seed and number of the next one."""
+        self._taken += 1
+        return self._seed, self._taken - 1
+
+
 class Floor:
     """Points are foot points; those that take a point take the nearest one on the floor."""
 
     is_loaded = True
 
-    def __init__(self, navigation: Navigation, seed: int) -> None:
+    def __init__(self, navigation: Navigation, draws: Draws) -> None:
         self._navigation = navigation
-        self.seed(seed)
+        self._draws = draws
 
     def seed(self, seed: int) -> None:
-        self._seed = int(seed) % 2**63
-        self._drawn = 0
+        self._draws.seed(seed)
 
     def snap_point(self, point: Point) -> NDArray[np.float64]:
         """NaN where the floor is more than 1 m away."""
@@ -66,8 +81,7 @@ class Floor:
         return math.hypot(found[0] - float(point[0]), found[2] - float(point[2])) <= ON_FLOOR_M
 
     def get_random_navigable_point(self, max_tries: int = 10) -> NDArray[np.float64]:
-        self._drawn += 1
-        return np.array(self._navigation.random_point(self._seed, self._drawn - 1))
+        return np.array(self._navigation.random_point(*self._draws.take()))
 
     def geodesic_distance(self, start: Point, ends: Point | Sequence[Point]) -> float:
         """To the nearest of the ends; infinite where no path leads to any."""

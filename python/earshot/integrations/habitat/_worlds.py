@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from gym import spaces
 from habitat.core.registry import registry
-from habitat.tasks.nav.nav import NavigationEpisode, NavigationGoal
+from habitat.tasks.nav.nav import NavigationGoal
 
 from ..._configs import config_text
 from ..._engine import InputError
 from ..._engine_batch import Batch
 from ._engine_config import HEARD, PICTURES, TRIAL_EPISODE, Camera, agent_of, camera_of, engine_keys, kind_of
-from ._episodes import EpisodeBook, scene_of
+from ._episodes import NEVER_S, SILENT_SOUND, EpisodeBook, scene_of
+from .datasets import AudioGoalEpisode
 
 ABOVE_FLOOR_M = 0.1  #: at which places are asked for: there must be some height
 Wanted = tuple[str, str, str, Any]  #: name, kind, array of the engine, config
@@ -57,21 +58,22 @@ class Worlds:
         self._table = {name: _box(dtype, shape, low, high) for name, dtype, shape, _, low, high, _ in batch.sensors()}
         return self._table
 
-    def open(self, episode: Any) -> tuple[Batch, int]:
-        """The batch with this episode and its number there."""
-        keys = self._keys()
+    def number_of(self, episode: Any) -> int | None:
+        """In the batch that was opened last; None: another one must be opened."""
         self.book.hears = any(self._observation.get(array) for array in HEARD.values())
         number = self.book.number_of(episode)
-        if self._batch is None or number is None or self._opened_with != repr(keys):
-            self._batch = None  # first, so that its scenes go before others come
-            path = self.book.write(episode)
-            number = self.book.number_of(episode)
+        return None if self._batch is None or self._opened_with != repr(self._keys()) else number
+
+    def open(self, episode: Any) -> tuple[Batch, int]:
+        """A new batch with this episode, and its number there.  The one before goes first, where no caller holds it."""
+        keys = self._keys()
+        self._batch = None
+        with self.book.written(episode) as (path, number):
             self._batch = _batch({**keys, "episodes": {"file": str(path)}}, 2)
-            self._opened_with = repr(keys)
-        assert number is not None
+        self._opened_with = repr(keys)
         return self._batch, number
 
-    def walk(self, config: Any) -> NavigationEpisode:
+    def walk(self, config: Any) -> AudioGoalEpisode:
         """An episode without a sound in config.scene: from the start of the config where it has one, else between any two places."""
         from ...acoustics import Scene
 
@@ -79,18 +81,18 @@ class Worlds:
         scene = Scene(scene_of(config.scene, config.get("mesh", "") or ""))
         ends = scene.random_positions(2, height_m=ABOVE_FLOOR_M, seed=int(config.seed)) - (0, ABOVE_FLOOR_M, 0)
         has_start = agent.is_set_start_state
-        return NavigationEpisode(
+        return AudioGoalEpisode(
             episode_id="walk",
             scene_id=config.scene,
             start_position=list(agent.start_position) if has_start else ends[0].tolist(),
             start_rotation=list(agent.start_rotation) if has_start else [0.0, 0.0, 0.0, 1.0],
             goals=[NavigationGoal(position=ends[1].tolist(), radius=0.2)],
-            info={"sound": "synth:telephone"},
+            info={"sound": SILENT_SOUND},
+            offset=NEVER_S,
         )
 
     def close(self) -> None:
         self._batch = None
-        self.book.close()
 
     def _keys(self) -> dict[str, Any]:
         return engine_keys(self.config, self._observation, self.success_m)

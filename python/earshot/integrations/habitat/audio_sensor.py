@@ -17,6 +17,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import struct
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -146,16 +147,29 @@ class AudioSensor:
     def _load(self, spec: str) -> Scene:
         if self._materials is None:
             return Scene(spec, **self._options)
-        mesh, *options = spec.split(",")
+        mesh, keys = _mesh_and_keys(spec)
         if mesh.endswith((".yaml", ".yml")) or not Path(mesh).is_file():
             raise InputError(f"setAudioMaterialsJSON: scene {spec} is no mesh file; name the materials in its scene YAML")
         with tempfile.TemporaryDirectory(prefix="earshot_scene_") as folder:
-            text: dict[str, Any] = {"mesh": os.path.abspath(mesh), "materials": str(self._materials)}
-            for key, _, value in (option.partition("=") for option in options):  # unit=0.01, up=z
-                text["up" if key == "up" else f"{key}_m"] = value if key == "up" else float(value)
+            text: dict[str, Any] = {"mesh": os.path.abspath(mesh), "materials": str(self._materials), **keys}
             file = Path(folder) / "scene.yaml"
             file.write_text(json.dumps(text), encoding="utf-8")
             return Scene(file, **self._options)
+
+
+def _mesh_and_keys(spec: str) -> tuple[str, dict[str, Any]]:
+    """File of a scene such as "room.obj,unit=0.01,up=z", and its options as keys of a scene YAML."""
+    keys: dict[str, Any] = {}
+    while found := re.fullmatch(r"(.*),(unit|up)=([^,]*)", spec, re.DOTALL):
+        spec, key, value = found.groups()
+        if key == "up":
+            keys.setdefault("up", value)
+            continue
+        try:
+            keys.setdefault("unit_m", float(value))
+        except ValueError:
+            raise InputError(f"setAudioMaterialsJSON: unit of the scene is {value!r}; give metres, as in unit=0.01") from None
+    return spec, keys
 
 
 def angles_deg(rotation: ArrayLike) -> tuple[float, float, float]:

@@ -9,18 +9,22 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
+import zlib
 from pathlib import Path
 from typing import Any
 
 import attr
+import numpy as np
 from habitat.config import read_write
 from habitat.core.dataset import ALL_SCENES_MASK, Dataset
 from habitat.core.registry import registry
 from habitat.tasks.nav.nav import NavigationEpisode, NavigationGoal
 
 from ..._engine import InputError
-from ._episodes import engine_episode, is_scene_of_earshot
+from ._episodes import is_scene_of_earshot
 
+MAX_BYTES = 2**31  #: of a file, unpacked
 SCENE_PREFIX = "data/scene_datasets/"
 
 
@@ -62,14 +66,26 @@ def scene_path(scene_id: str, scenes_dir: str | None) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Raises InputError for a file that is no JSON, plain or gzip."""
+    """Raises InputError for a file that is no set of episodes, JSON, plain or gzip, of at most MAX_BYTES."""
     try:
-        data = path.read_bytes()
-        document = json.loads(gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data)
-    except (OSError, EOFError, ValueError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
+        with path.open("rb") as file:
+            is_packed = file.peek(2)[:2] == b"\x1f\x8b"
+            with gzip.open(file) if is_packed else file as plain:
+                text = plain.read(MAX_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read as an episode set ({error}); give JSON, plain or gzip") from error
+    if len(text) > MAX_BYTES:
+        raise InputError(f"{path}: has more than {MAX_BYTES} bytes of JSON; split it by scene (content/SCENE.json.gz)")
+    return _document(str(path), text)
+
+
+def _document(where: str, text: str | bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: cannot be read as an episode set ({error}); give JSON, plain or gzip") from error
     if not isinstance(document, dict) or not isinstance(document.get("episodes"), list):
-        raise InputError(f"{path}: has no list `episodes`; give a set in the AudioNav layout (docs/reference/formats.md)")
+        raise InputError(f"{where}: has no list `episodes`; give a set in the AudioNav layout (docs/reference/formats.md)")
     return document
 
 
@@ -85,7 +101,7 @@ class AudioNavDataset(Dataset):
         if config is None:
             return
         path = Path(config.data_path.format(split=config.split))
-        for file in self._files(path):
+        for file in self._files(path, list(config.content_scenes)):
             self._read(file, config.scenes_dir)
         if not self.episodes:
             raise InputError(f"{path}: has no episodes, nor have files beside it (content/SCENE.json.gz)")
@@ -111,19 +127,26 @@ class AudioNavDataset(Dataset):
         return sorted({self.scene_from_scene_path(episode.scene_id) for episode in self.episodes})
 
     def to_json(self) -> str:
-        return json.dumps({"episodes": [engine_episode(episode) for episode in self.episodes]})
+        """What from_json() reads."""
+        return json.dumps({"episodes": [_values(episode) for episode in self.episodes]}, default=_plain)
 
     def from_json(self, json_str: str, scenes_dir: str | None = None) -> None:
-        self._add(json.loads(json_str), "episodes", scenes_dir)
+        self._add(_document("episodes", json_str), "episodes", scenes_dir)
 
-    def _files(self, path: Path) -> list[Path]:
+    def _files(self, path: Path, scenes: list[str]) -> list[Path]:
+        """Those of the scenes, where each has a file of its name; else all."""
         document = read_json(path)
         if document["episodes"]:
             return [path]
         pattern = document.get("content_scenes_path", "{data_path}/content/{scene}.json.gz")
-        folder, ending = pattern.split("{scene}") if "{scene}" in pattern else (pattern, "")
-        beside = Path(folder.format(data_path=path.parent))
-        return sorted(file for file in beside.glob(f"*{ending}") if file.is_file())
+        folder, _, ending = pattern.partition("{scene}") if isinstance(pattern, str) else ("{", "", "")
+        if re.search("[{}\0]", folder.replace("{data_path}", "", 1) + ending) or "/" in ending:
+            raise InputError(f"{path}: content_scenes_path is {pattern!r}; write {{data_path}}/content/{{scene}}.json.gz")
+        beside = Path(folder.replace("{data_path}", str(path.parent)))
+        named = [beside / f"{scene}{ending}" for scene in scenes]
+        if named and all(file.is_file() for file in named):
+            return named
+        return sorted(file for file in beside.glob("*") if file.name.endswith(ending) and file.is_file())
 
     def _read(self, path: Path, scenes_dir: str | None) -> None:
         self._add(read_json(path), str(path), scenes_dir)
@@ -132,13 +155,26 @@ class AudioNavDataset(Dataset):
         for number, values in enumerate(document["episodes"]):
             try:
                 self.episodes.append(_episode(values, scenes_dir))
-            except (KeyError, TypeError, ValueError) as error:
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
                 name = values.get("episode_id", number) if isinstance(values, dict) else number
                 raise InputError(f"{where}: episode {name!r} cannot be read ({error!r})") from error
 
 
 _GOAL_KEYS = {field.name for field in attr.fields(AudioGoal)}
 _EPISODE_KEYS = {field.name for field in attr.fields(AudioGoalEpisode) if field.init}
+
+
+def _values(episode: AudioGoalEpisode) -> dict[str, Any]:
+    """The inverse of _episode()."""
+    values = {key: getattr(episode, key) for key in sorted(_EPISODE_KEYS)}
+    values["goals"] = [{key: getattr(goal, key, None) for key in sorted(_GOAL_KEYS)} for goal in episode.goals]
+    values["goals"] = [{key: value for key, value in goal.items() if value is not None} for goal in values["goals"]]
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    """Of what JSON has not: arrays, and points of paths."""
+    return attr.asdict(value) if attr.has(type(value)) else np.asarray(value).tolist()
 
 
 def _episode(values: dict[str, Any], scenes_dir: str | None) -> AudioGoalEpisode:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..._engine import InputError, RunError
 from ..._engine_batch import Batch
 from ._engine_config import agent_of
-from ._floor import Floor, GreedyFollower, Point, heading_of, rotation_of, triple
+from ._floor import Draws, Floor, GreedyFollower, Point, heading_of, rotation_of, triple
 from ._worlds import Worlds
 from .sensors import OF_KIND, Table
 
@@ -46,7 +46,7 @@ class EarshotSim(Simulator):
         self._steps = 0
         self._is_over = self._has_just_begun = self._has_collided = False
         self._metrics: dict[str, Any] = {}
-        self._seed = int(config.seed)
+        self._draws = Draws(int(config.seed))
         table = self._worlds.table()
         sensors: dict[str, Any] = {}
         for name, kind, array, sensor_config in self._worlds.wanted():
@@ -86,13 +86,16 @@ class EarshotSim(Simulator):
         self._has_just_begun = True
 
     def _begin(self, episode: Any) -> None:
-        previous = self._batch
-        self._batch, self._number = self._worlds.open(episode)
-        if self._batch is not previous:
+        number = self._worlds.number_of(episode)
+        if number is None:  # first, so that its scenes go before others come
+            self._batch = self._floor = self._episode = None
+            self.arrays = {}
+            self._batch, number = self._worlds.open(episode)
             self.arrays = {name: self._batch.rows(name)[_AGENT] for name, *_ in self._batch.sensors()}
-        self._batch.begin_episode(_AGENT, self._number)
-        if self._floor is None or self._episode is None or self._batch is not previous or self._episode.scene_id != episode.scene_id:
-            self._floor = Floor(self._batch.navigation(_AGENT), self._seed)
+        self._number = number
+        self.batch.begin_episode(_AGENT, number)
+        if self._floor is None or self._episode is None or self._episode.scene_id != episode.scene_id:
+            self._floor = Floor(self.batch.navigation(_AGENT), self._draws)
         self._episode = episode
         self._steps = 0
         self._is_over = self._has_collided = False
@@ -154,9 +157,7 @@ class EarshotSim(Simulator):
 
     def seed(self, seed: int) -> None:
         """Of the navigable points; that of the simulation is habitat.simulator.seed."""
-        self._seed = int(seed)
-        if self._floor is not None:
-            self._floor.seed(self._seed)
+        self._draws.seed(seed)
 
     def get_agent_state(self, agent_id: int = 0) -> AgentState:
         _first(agent_id)

@@ -2,7 +2,8 @@
 """The tasks AudioGoal and SemanticAudioGoal, and their measures.
 
 Success, SPL and SoftSPL are Habitat-Lab's own measures over the distance to the goal.  SNA and SuccessWhenSilent ask the simulator
-Earshot-v0, which counts the actions of its oracle and knows when the sound ends; they are 0 until the episode has ended.
+Earshot-v0, which counts the actions of its oracle and knows when the sound ends; they are 0 until the episode has ended, and
+need a task of this module, which tells the simulator to stop.
 """
 
 from __future__ import annotations
@@ -98,10 +99,13 @@ class _OfTheSimulator(_Measure):
 
     metric = ""
 
-    def update_metric(self, *args: Any, **kwargs: Any) -> None:
+    def update_metric(self, *args: Any, task: Any = None, **kwargs: Any) -> None:
         metrics = getattr(self._sim, "episode_metrics", None)
         if metrics is None:
             raise TypeError(f"measure {self.uuid} needs the simulator Earshot-v0, not {type(self._sim).__name__}")
+        if not metrics and getattr(task, "is_stop_called", False):
+            name = type(task).__name__
+            raise TypeError(f"measure {self.uuid} needs the task AudioGoal-v0, not {name}, which does not tell the simulator to stop")
         self._metric = metrics.get(self.metric, 0.0)
 
 
