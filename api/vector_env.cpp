@@ -96,11 +96,9 @@ void VectorEnv::begin_episode(int env, std::uint64_t index) {
   }
 }
 void VectorEnv::place(int env, const AgentPose& pose, int steps) {
-  const int agents = model_->env.config().agents;
   require_finite(pose.position, "place");
   require(std::isfinite(pose.heading_rad), "place", pose.heading_rad, "must have a finite heading");
-  const auto scene = model_->env.source(env * agents).scene;
-  model_->env.place(env, {scene->scene->to_local(glm_of(pose.position)), pose.heading_rad}, steps);
+  model_->env.place(env, {glm_of(pose.position), pose.heading_rad}, steps);
 }
 void VectorEnv::step(std::span<const std::int32_t> actions) { model_->env.step(actions); }
 void VectorEnv::send(std::span<const std::int32_t> envs, std::span<const std::int32_t> actions) { model_->env.send(envs, actions); }

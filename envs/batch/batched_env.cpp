@@ -139,11 +139,12 @@ std::optional<FaultReport> BatchedEnv::begin(int env, std::uint64_t episode_inde
   return impl_->scheduler.begin(env, episode_index, episode_count, stream);
 }
 void BatchedEnv::place(int env, const Pose& pose, int steps) {
+  impl_->scheduler.refuse_while_under_way("place");  // its task may replace the scene
   const std::size_t index = impl_->scheduler.index_of(env);
   const auto& source = impl_->agents[index * impl_->setup.per_env].source;
   Pose placed = pose;
   if (source) {  // without an episode the scheduler refuses
-    const auto found = source->scene->navmesh.snap(pose.position);
+    const auto found = source->scene->navmesh.snap(source->scene->scene->to_local(pose.position));
     if (!found) throw InputError("place", "is off the walkable surface", "choose a place on the floor");
     placed.position = *found;
   }

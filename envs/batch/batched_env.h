@@ -139,15 +139,16 @@ class BatchedEnv {
   void set_stage_hook(StageHook hook);
 
   /// Ends what env `env` of the batch does and begins this episode of the set there, as that env's episode number `episode_count`: replays.
-  /// stream: the global env id whose draws it has, by default that of the env.
+  /// stream: the global env id whose draws this episode has; the next one is then the next of the env's own sequence.  By default that of
+  /// the env, which goes on from episode_count.
   /// Returns what is wrong if it cannot begin.  The env is idle then; after a stall only until the stage returns, when it begins another
   /// episode.  Throws std::out_of_range or std::invalid_argument for an env, an episode or a number that does not exist, and
   /// std::logic_error while a stage of that env that was given up still runs.
   std::optional<FaultReport> begin(int env, std::uint64_t episode_index, int episode_count, std::optional<std::uint32_t> stream = {});
-  /// Puts the agent of env `env` on the nearest floor to a foot point (in the coordinates of the engine), at the time of the end of step
-  /// `steps` of its episode, and fills the observation as if it had stood there before.  Rewards and flags are zero, the path so far stays.
-  /// The env cannot be saved until its next episode begins.  Throws InputError for a place off the floor or without a way to the goal, and
-  /// std::logic_error for an env with several agents or without a running episode; then nothing has moved.
+  /// Puts the agent of env `env` on the nearest floor to a foot point (in the coordinates of the scene's file), at the time of the end of
+  /// step `steps` of its episode, and fills the observation as if it had stood there before.  Rewards and flags are zero, the path so far
+  /// stays. The env cannot be saved until its next episode begins.  Throws InputError for a place off the floor or without a way to the
+  /// goal, and std::logic_error for an env with several agents or without a running episode; then nothing has moved.
   void place(int env, const Pose& pose, int steps);
 
   /// Cursors and actions of all running episodes; restore() replays them, which gives the same bits in all observations.  Rewards and flags

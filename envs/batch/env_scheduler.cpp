@@ -22,6 +22,7 @@ EnvScheduler::EnvScheduler(const EnvParts& parts, PictureQueue& pictures, std::s
       effects_(parts.rows.num_rows()),
       cached_responses_(parts.rows.num_rows()) {
   std::iota(all_envs_.begin(), all_envs_.end(), std::uint32_t{0});
+  for (const std::uint32_t env : all_envs_) envs_[env].seed(parts_.setup.config.seed, parts_.setup.global_id(env));
   submitted_.reserve(envs.size());
   sent_order_.reserve(envs.size());
   received_.reserve(envs.size());
@@ -196,7 +197,10 @@ std::optional<FaultReport> EnvScheduler::begin(int env, std::uint64_t episode_in
   require_settled(index, "begin");
   Environment& begun = envs_[index];
   begun.assign(Job::begin);
-  begun.seed(parts_.setup.config.seed, stream.value_or(parts_.setup.global_id(index)));
+  if (stream)
+    begun.borrow(parts_.setup.config.seed, *stream);
+  else
+    begun.seed(parts_.setup.config.seed, parts_.setup.global_id(index));
   begun.name_episode(episode_index, episode_count);
   has_started_ = true;
   submitted_.assign(1, static_cast<std::uint32_t>(env));
@@ -223,6 +227,7 @@ void EnvScheduler::place(int env, const Pose& pose, int steps) {
   envs_[index].name_place(pose, steps);
   submitted_.assign(1, static_cast<std::uint32_t>(env));
   run_all();
+  if (stalled_[index] != 0) throw InputError("place", stall_text(parts_.setup.config), "begin another episode once the stage has returned");
   if (const FaultReport* found = envs_[index].run().fault()) {
     const std::string detail = found->detail;
     envs_[index].go_idle();

@@ -35,10 +35,18 @@ void Environment::assign(const EnvCursor& cursor) {
 }
 
 void Environment::seed(std::uint64_t seed, std::uint32_t stream) {
+  own_.reset();
   for (Agent& agent : run_.agents) {
     agent.seed = seed;
     agent.stream = stream;
   }
+}
+
+void Environment::borrow(std::uint64_t its_seed, std::uint32_t its_stream) {
+  const Agent& lead = run_.agents.front();
+  const Sequence own = own_.value_or(Sequence{lead.seed, lead.stream, lead.episode_count});
+  seed(its_seed, its_stream);
+  own_ = own;
 }
 
 void Environment::name_episode(std::uint64_t episode_index, int episode_count) {
@@ -196,6 +204,10 @@ void Environment::begin_task(HearingEngines* engines) {
 }
 
 void Environment::begin_next_episode(HearingEngines* engines) {
+  if (const std::optional<Sequence> own = own_) {
+    seed(own->seed, own->stream);
+    for (Agent& agent : run_.agents) agent.episode_count = own->episode_count;
+  }
   const Agent& lead = run_.agents.front();
   const bool once = parts_.setup.config.order == EpisodeOrder::once;
   int count = lead.episode_count + 1;
@@ -282,13 +294,15 @@ void Environment::place(HearingEngines* engines) {
   run_.steps = place_steps_;
   run_.was_placed = true;
   agent.pictures_are_current = false;
-  if (engines) {
-    run_.sounds.clear();
-    run_.sounds.begin(parts_.setup, run_.agents);
-    agent.hearing.seek(size_of(place_steps_) * size_of(parts_.setup.block_samples));
-    run_.sounds.move(parts_.setup, place_steps_, run_.agents, engines, run_.team.get());
-  }
-  parts_.senses.observe_start(run_, agent, engines);
+  parts_.faults.guard(agent, Fault::stage, [&] {
+    if (engines) {
+      run_.sounds.clear();
+      run_.sounds.begin(parts_.setup, run_.agents);
+      agent.hearing.seek(size_of(place_steps_) * size_of(parts_.setup.block_samples));
+      run_.sounds.move(parts_.setup, place_steps_, run_.agents, engines, run_.team.get());
+    }
+    parts_.senses.observe_start(run_, agent, engines);
+  });
 }
 
 /// In the step that found the fault: no reward, truncated, all observations zero, of all agents of the env.

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -68,6 +69,8 @@ class Environment {
   void assign(const EnvCursor& cursor);
   /// The sequence of episodes that the next ones are of.
   void seed(std::uint64_t seed, std::uint32_t stream);
+  /// The same for the episode of Job::begin alone: the next one is the next of the sequence that the env had.
+  void borrow(std::uint64_t seed, std::uint32_t stream);
   /// The episode of Job::begin.
   void name_episode(std::uint64_t episode_index, int episode_count);
   /// The place of Job::place, at the time of the end of step `steps`.
@@ -94,6 +97,13 @@ class Environment {
   [[nodiscard]] EnvCursor cursor(bool given_up) const;
 
  private:
+  /// Episodes of an env, and the number of the last one that has begun.
+  struct Sequence {
+    std::uint64_t seed;
+    std::uint32_t stream;
+    int episode_count;
+  };
+
   /// False: the task has been given up; its thread must leave the env alone.
   bool goes_on();
   /// body(agent, engines) for all agents, by the team where there is one.  False where body was, which no team's is.
@@ -121,8 +131,9 @@ class Environment {
   Pose place_;        ///< of Job::place
   int place_steps_ = 0;
   TaskResults results_;
-  int faulty_in_a_row_ = 0;  ///< episodes that went wrong in a step, since one that did not
-  std::size_t tasks_;        ///< steps, counted from the index of the env
+  int faulty_in_a_row_ = 0;      ///< episodes that went wrong in a step, since one that did not
+  std::optional<Sequence> own_;  ///< while an episode of another sequence runs: see borrow()
+  std::size_t tasks_;            ///< steps, counted from the index of the env
   std::size_t num_helpers_, first_helper_;
   EnvWorkers* workers_ = nullptr;  ///< that run its task
   std::size_t worker_ = 0;

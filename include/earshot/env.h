@@ -92,7 +92,7 @@ class VectorEnv {
   /// Starts the first episode of every env.
   void reset();
   /// Starts episode number `index` of the set in one env; the other envs go on.  It has the bits of its turn with `order: once` in a batch
-  /// of one env, in any env.
+  /// of one env, in any env.  The next episode of the env is then the next of its own sequence, as if this one had not been.
   /// @throws InputError if it cannot begin, std::out_of_range or std::invalid_argument for an env or an episode that does not exist.
   void begin_episode(int env, std::uint64_t index);
   /// Puts the agent of an env with one agent elsewhere and fills its observation, with the sound of an agent who has stood there before.

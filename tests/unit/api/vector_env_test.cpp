@@ -141,6 +141,42 @@ TEST(ApiVectorEnv, ANamedEpisodeHasTheBitsOfItsTurn) {
   EXPECT_THROW(named.begin_episode(2, 0), std::out_of_range);
 }
 
+// Two envs that took part in a named episode, before the first one or between two, go on as those of a batch that knows of none.
+TEST(ApiVectorEnv, ANamedEpisodeLeavesTheSequenceOfItsEnvAsItIs) {
+  for (const char* order : {"random", "once"})
+    for (const bool is_begun_before : {true, false})
+      for (const char* autoreset : {"off", "next_step"}) {
+        SCOPED_TRACE(testing::Message() << order << " " << autoreset << " " << is_begun_before);
+        const auto config = api::Config::from_text(kBatchYaml);
+        const api::VectorEnvOptions options{.settings = {{"order", order}, {"autoreset", autoreset}}};
+        api::VectorEnv plain(config, 2, options), named(config, 2, options);
+        const std::vector<std::uint8_t> both{1, 1};
+        if (!is_begun_before) {
+          plain.reset();
+          named.reset();
+        }
+        for (int turn = 0; turn < 3; ++turn) {
+          const RandomStream random(41, Purpose::test, static_cast<std::uint32_t>(turn));
+          for (int env = 0; env < 2; ++env) named.begin_episode(env, random.below(6, static_cast<std::uint32_t>(env)));
+          if (turn == 1) named.begin_episode(0, 5);  // two in a row
+          plain.reset(both);
+          if (autoreset == std::string("off") || turn == 0) {
+            named.reset(both);
+          } else {
+            named.step(std::vector<std::int32_t>{0, 0});
+            named.step(std::vector<std::int32_t>{0, 0});  // begins the next ones
+          }
+          for (std::size_t env = 0; env < 2; ++env) {
+            ASSERT_EQ(named.active()[env], plain.active()[env]) << env;
+            const int row = static_cast<int>(env);
+            EXPECT_TRUE(plain.active()[env] == 0 || named.episode_index(row) == plain.episode_index(row)) << env;
+          }
+          for (const api::SensorInfo& sensor : plain.sensors())
+            EXPECT_TRUE(same_bytes(named.rows(sensor.name), plain.rows(sensor.name))) << sensor.name << ", turn " << turn;
+        }
+      }
+}
+
 TEST(ApiVectorEnv, APlacedAgentSeesAndHearsAsOneWhoseEpisodeBeginsThere) {
   const auto config = api::Config::from_text(kBatchYaml);
   const api::VectorEnvOptions off{.settings = {{"autoreset", "off"}}};
