@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "earshot/navigation.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "api/convert.h"
@@ -40,8 +41,11 @@ Vec3 Navigation::Model::world(glm::vec3 point) const { return vec3_of(scene->to_
 
 std::shared_ptr<const GeodesicField> Navigation::Model::field_to(glm::vec3 goal) const {
   const std::lock_guard lock(mutex);
-  for (const auto& [point, field] : fields)
-    if (point == goal) return field;
+  const auto known = std::ranges::find_if(fields, [&](const auto& one) { return one.first == goal; });
+  if (known != fields.end()) {
+    std::rotate(known, known + 1, fields.end());  // the first one goes first
+    return fields.back().second;
+  }
   auto field = navmesh->snap(goal, kGoalReachM) ? std::make_shared<const GeodesicField>(*navmesh, goal, kGoalReachM) : nullptr;
   if (fields.size() >= kMaxFields) fields.erase(fields.begin());
   fields.emplace_back(goal, field);

@@ -25,7 +25,7 @@ struct Navigation::Model {
   /// @throws InputError for a point that is not finite.
   [[nodiscard]] glm::vec3 local(const Vec3& point) const;
   [[nodiscard]] Vec3 world(glm::vec3 point) const;
-  /// Distances to a place; null where it is off the floor.  Those asked for last are kept.
+  /// Distances to a place; null where it is off the floor.  The 32 that were asked for last are kept.
   [[nodiscard]] std::shared_ptr<const GeodesicField> field_to(glm::vec3 goal) const;
 
   mutable std::mutex mutex;  ///< guards the fields
