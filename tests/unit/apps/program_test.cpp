@@ -28,7 +28,7 @@ TEST_F(Cli, WordsThatAreNoCommandAreRefusedWithTheNearest) {
   expect_bad_input("", "one of: bench, benchmark, completion");
   expect_bad_input("rirr shoebox:5x3x4", "did you mean 'rir'?");
   expect_bad_input("evla random", "did you mean 'eval'?");
-  expect_bad_input("dataset", "one of: convolve, episodes, pano, rir, scenes");
+  expect_bad_input("dataset", "one of: convolve, episodes, grid, pano, rir, scenes");
   expect_bad_input("dataset episode house:1", "did you mean 'dataset episodes'?");
   expect_bad_input("bench", "one of: accuracy, allreduce");
   expect_bad_input("bench rirs", "did you mean 'bench rir'?");
