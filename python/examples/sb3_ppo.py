@@ -28,12 +28,12 @@ class Senses(BaseFeaturesExtractor):
     def __init__(self, space: Any, features: int = 128) -> None:
         pictures = {name: box.shape for name, box in space.spaces.items() if len(box.shape) == 3}
         super().__init__(space, features * len(pictures))
-        self.networks = nn.ModuleDict({name: self.network(*shape, features) for name, shape in pictures.items()})
+        self.networks = nn.ModuleDict({name: self.network(shape, features) for name, shape in pictures.items()})
 
     @staticmethod
-    def network(rows: int, columns: int, channels: int, features: int) -> nn.Module:
-        layers = [layer for c, filters in ((channels, 16), (16, 32), (32, 32)) for layer in (nn.Conv2d(c, filters, 3, 2), nn.ReLU())]
-        size = nn.Sequential(*layers, nn.Flatten())(torch.zeros(1, channels, rows, columns)).shape[1]
+    def network(shape: tuple[int, int, int], features: int) -> nn.Module:
+        layers = [layer for c, filters in ((shape[2], 16), (16, 32), (32, 32)) for layer in (nn.Conv2d(c, filters, 3, 2), nn.ReLU())]
+        size = nn.Sequential(*layers, nn.Flatten())(torch.zeros(1, shape[2], *shape[:2])).shape[1]
         return nn.Sequential(*layers, nn.Flatten(), nn.Linear(size, features), nn.ReLU())
 
     def forward(self, observations: dict[str, Tensor]) -> Tensor:

@@ -221,7 +221,8 @@ def test_features_and_values_are_those_of_the_engine() -> None:
     compass = np.array([[1, 2, np.pi / 6]], np.float32)
     np.testing.assert_allclose(Network._features(Sensor("gps_compass", (3,)), compass), [[1, 2, 3**0.5 / 2, 0.5]], rtol=1e-6)
     network = made_network("actor-critic v1: pointgoal 2, conv 4, gru 5, actions 4, normalized values")
-    network.weights |= {
+    network.weights = {
+        **network.weights,
         "critic.weight": np.zeros((1, 5), np.float32),
         "critic.bias": np.array([3], np.float32),
         "value_mean": np.array([-1], np.float32),
@@ -241,7 +242,7 @@ def test_bytes_of_pictures_count_as_fractions() -> None:
     for layer in (1, 2, 3):
         weights[f"{encoder.prefix}.conv{layer}.weight"][0, 0, 0, 0] = 1
     weights[f"{encoder.prefix}.linear.weight"][0, 0] = 1
-    network.weights |= weights
+    network.weights = {**network.weights, **weights}
     assert network._encoded(encoder, {"rgb": white})[0, 0] == 1
     assert network._encoded(encoder, {"rgb": white // 5})[0, 0] == np.float32(51) / np.float32(255)
 
