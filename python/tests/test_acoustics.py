@@ -191,7 +191,7 @@ def test_parameters_on_request_of_samples() -> None:
     refused: list[tuple[dict[str, Any], str]] = [
         ({"bands": "halves"}, "measure: bands is 'halves'"),
         ({"parameters": ["loud"]}, "parameters: 'loud' is not a group"),
-        ({"parameters": ["speech"], "speech_snr_db": [1, 2]}, "speech_snr_db: is 2"),
+        ({"parameters": ["speech"], "speech_snr_db": [1, 2]}, "speech_snr_db = 2: must be one ratio"),
         ({"parameters": ["lateral"], "lateral": pair}, "measure: lateral has shape (2, 16000)"),
         ({"direct_delay_s": -1}, "measure: direct_delay_s is -1"),
         ({"direct_delay_s": 100}, "direct_delay_s is 100 s, but the response ends after 1 s"),
