@@ -194,10 +194,10 @@ def test_parameters_on_request_of_samples() -> None:
         ({"parameters": ["speech"], "speech_snr_db": [1, 2]}, "speech_snr_db = 2: must be one ratio"),
         ({"parameters": ["lateral"], "lateral": pair}, "measure: lateral has shape (2, 16000)"),
         ({"direct_delay_s": -1}, "measure: direct_delay_s is -1"),
-        ({"direct_delay_s": 100}, "direct_delay_s is 100 s, but the response ends after 1 s"),
-        ({"lateral": pair[1]}, "lateral has no effect without lateral parameters"),
-        ({"parameters": ["lateral"], "lateral": pair[0]}, "lateral is the measured response itself"),
-        ({"reference": pair[1], "green_units": True}, "reference is given together with green_units"),
+        ({"direct_delay_s": 100}, "direct_delay_s: is 100 s, but the response ends after 1 s"),
+        ({"lateral": pair[1]}, "lateral: has no effect without lateral parameters"),
+        ({"parameters": ["lateral"], "lateral": pair[0]}, "lateral: is the measured response itself"),
+        ({"reference": pair[1], "green_units": True}, "reference: is given together with green_units"),
     ]
     for arguments, words in refused:
         with pytest.raises(earshot.InputError, match=re.escape(words)):
