@@ -108,7 +108,7 @@ foreach(list IN LISTS lists)
   list(APPEND earshot_long_tests ${names})
 endforeach()
 
-# Those of all tests that begin before the others.
+# Tests that start first.
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/first_tests.txt)
 file(STRINGS ${PROJECT_SOURCE_DIR}/tests/first_tests.txt earshot_first_tests REGEX "^[^#]")
 

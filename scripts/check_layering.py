@@ -9,7 +9,7 @@ without a README.md that says what it holds, on a folder of more than 35 sources
   include          its own headers and the standard library; of the engine only sim/base/errors.h includes one (earshot/errors.h)
   in sim           base <- rays <- scene <- {acoustics, vision, nav}; audio stands on base, sofa on base and audio/measured
   in sim/base      its own files <- text <- process <- charts
-  in sim/scene     mesh <- materials <- generators <- readers <- point_cloud <- its own files and annotations <- checks
+  in sim/scene     mesh <- materials <- generators <- readers <- point_cloud <- its own files, annotations and habitat <- checks
   in sim/audio     transforms <- dry_sounds <- measured <- head <- stream
   in sim/acoustics core <- geometry <- model <- paths <- tracers <- source_field <- response <- synthesis <- metrics <- accuracy
   in envs          task <- episodes <- sensors <- scenes <- config <- hearing <- batch <- baselines

@@ -7,7 +7,7 @@ root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
 
 make_tree() {  # one header per folder, one file that includes in order
   local folders=()
-  for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,head} sim/{base,rays,scene,audio,vision,nav,reader} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
+  for folder in sim/base/{text,charts} sim/scene/{mesh,readers} sim/audio/{transforms,measured,head} sim/{base,rays,scene,audio,vision,nav,reader,sofa} sim/acoustics/{core,geometry,model,paths,tracers,source_field,response,synthesis,metrics} \
                 envs/{task,episodes,batch} include/earshot api api/{datasets,training} datasets python bench bench/{measure,accuracy,questions,training} policy trainer/{net,collective,run} evaluation/{results,replay} apps apps/{options,sound,board} tests; do
     folders+=("$root/tree/$folder")
   done
@@ -41,6 +41,8 @@ expect 1 sim/acoustics/source_field/a.h '"sim/acoustics/metrics/a.h"'
 expect 1 sim/acoustics/core/a.h '"sim/vision/a.h"'
 expect 1 sim/base/a.h '"sim/rays/a.h"'
 expect 0 sim/base/charts/a.h '"sim/base/text/a.h"'
+expect 0 sim/sofa/a.h '"sim/audio/measured/a.h"'
+expect 1 sim/sofa/a.h '"sim/audio/head/a.h"'
 expect 1 sim/base/a.h '"sim/base/text/a.h"'
 expect 1 sim/base/text/a.h '"sim/base/charts/a.h"'
 expect 0 sim/scene/a.h '"sim/scene/readers/a.h"'

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# stages_test.sh TEST_SH: whether scripts/test.sh fails where any of its stages does, those that run beside others too, and takes a skip for none.
-# What the stages call is scripts here that end as they are told.
+# stages_test.sh TEST_SH: checks that scripts/test.sh fails if any stage fails, including those that run in the background, and that a skipped
+# stage is not a failure.  Stand-in scripts take the place of what the stages call.
 set -euo pipefail
 script=$1
 root=$(mktemp -d); trap 'rm -rf "$root"' EXIT
