@@ -3,7 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <nlohmann/json.hpp>
+
 #include "sim/base/errors.h"
+#include "sim/base/text/json.h"
+#include "sim/base/text/json_depth.h"
 
 namespace earshot {
 namespace {
@@ -63,6 +67,18 @@ void check_json_size(std::string_view text, const std::string& where, const Json
         continue;
     }
     check(counts, where, limits);
+  }
+}
+
+nlohmann::json parse_sized_json(std::string_view text, const std::string& where, const JsonLimits& limits) {
+  check_json_depth(text, where);
+  check_json_size(text, where, limits);
+  try {
+    return parse_json(text);
+  } catch (const nlohmann::json::parse_error& error) {
+    throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "copy the file again");
+  } catch (const nlohmann::json::exception&) {
+    throw InputError(where, "has a number that is too large", "copy the file again");
   }
 }
 

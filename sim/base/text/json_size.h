@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -18,5 +19,9 @@ struct JsonLimits {
 
 /// Throws InputError naming `where` if the text holds more.  It need not be valid.  One pass, 0.5 GB/s.
 void check_json_size(std::string_view text, const std::string& where, const JsonLimits& limits);
+
+/// The JSON of a file that comes from others.  Throws InputError naming `where`: check_json_depth, check_json_size, no JSON, a number
+/// beyond doubles.
+nlohmann::json parse_sized_json(std::string_view text, const std::string& where, const JsonLimits& limits);
 
 }  // namespace earshot

@@ -7,8 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/base/errors.h"
-#include "sim/base/text/json.h"
-#include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_size.h"
 #include "sim/scene/readers/mesh_builder.h"
 
@@ -79,17 +77,7 @@ class ReplicaInfo {
 }  // namespace
 
 Annotations parse_replica_info(std::string_view text, const std::string& where) {
-  check_json_depth(text, where);
-  check_json_size(text, where, kReplicaLimits);
-  nlohmann::json json;
-  try {
-    json = parse_json(text);
-  } catch (const nlohmann::json::parse_error& error) {
-    throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "copy the file again");
-  } catch (const nlohmann::json::exception&) {
-    throw InputError(where, "has a number that is too large", "copy the file again");
-  }
-  return ReplicaInfo(where).take(json);
+  return ReplicaInfo(where).take(parse_sized_json(text, where, kReplicaLimits));
 }
 
 }  // namespace earshot

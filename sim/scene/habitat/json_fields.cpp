@@ -7,8 +7,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/text/json.h"
-#include "sim/base/text/json_depth.h"
 #include "sim/base/text/json_size.h"
 #include "sim/scene/readers/mesh_builder.h"
 
@@ -37,16 +35,7 @@ std::optional<std::array<double, 4>> numbers_of(const nlohmann::json& json, std:
 
 nlohmann::json parse_json_object(std::string_view text, const std::string& where) {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  check_json_depth(text, where);
-  check_json_size(text, where, kSceneJsonLimits);
-  nlohmann::json json;
-  try {
-    json = parse_json(text);
-  } catch (const nlohmann::json::parse_error& error) {
-    throw InputError(where, fmt::format("is not JSON: error at byte {}", error.byte), "copy the file again");
-  } catch (const nlohmann::json::exception&) {
-    throw InputError(where, "has a number that is too large", "write finite numbers");
-  }
+  nlohmann::json json = parse_sized_json(text, where, kSceneJsonLimits);
   if (!json.is_object()) throw InputError(where, "is not a JSON object", "copy the file again");
   return json;
 }
