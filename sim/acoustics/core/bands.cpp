@@ -31,6 +31,15 @@ BandLayout BandLayout::octaves(float sample_rate_hz) {
   return layout;
 }
 
+BandLayout BandLayout::third_octaves(float sample_rate_hz) {
+  BandLayout layout;
+  for (int k = -10; k <= 10; ++k) {
+    const auto at = [k](double offset) { return 1000.0 * std::pow(10.0, 0.1 * (k + offset)); };
+    append_band(layout, at(-0.5), at(0.0), at(0.5), 0.5 * sample_rate_hz);
+  }
+  return layout;
+}
+
 BandLayout BandLayout::log_spaced(int count, float sample_rate_hz) {
   require(count >= 1 && count <= kMaxBands, "bands", count, "must be in [1, 32]");
   // Eight octaves around 125 Hz ... 8 kHz with one below (docs/evidence/oracles.md, O-31): 62.5 / sqrt(2) to 8000 sqrt(2).

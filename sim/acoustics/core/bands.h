@@ -17,6 +17,9 @@ struct BandLayout {
   /// Octaves at 125 Hz ... 8 kHz (exact midbands 1000 * 10^(0.3 k)), cut at rate / 2: bands that start above it are dropped and
   /// the last edge is clipped.  16 kHz sound gives seven bands.
   static BandLayout octaves(float sample_rate_hz);
+  /// Third octaves at 100 Hz ... 10 kHz (exact midbands 1000 * 10^(0.1 k), IEC 61260-1:2014), for responses in samples; clipped like
+  /// octaves().
+  static BandLayout third_octaves(float sample_rate_hz);
   /// `count` bands of equal width in log f from 44.194 to 11313.7 Hz, clipped like octaves() (docs/evidence/oracles.md, O-31).  count in
   /// [1, kMaxBands].
   static BandLayout log_spaced(int count, float sample_rate_hz);

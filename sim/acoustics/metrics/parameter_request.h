@@ -15,7 +15,8 @@ struct ParameterRequest {
   bool stage = false;       ///< ST_early and ST_late: a listener at 1 m from the source
   bool speech = false;      ///< MTI and STI: the seven octaves from 125 Hz to 8 kHz
   bool interaural = false;  ///< standard errors of IACC, which exist for two ears anyway
-  /// Of the figure-of-eight microphone, unit, world axes: of an energy response with `lateral`; nullopt where it has none (lateral_axis).
+  /// Axis of the figure-of-eight microphone (unit, world axes; see lateral_axis()), which `lateral` needs for an energy response; nullopt:
+  /// there is none.
   std::optional<glm::vec3> lateral_axis = std::nullopt;
   /// Ratio of speech to noise for STI, one for all octaves or one for each of the seven; empty: no noise.
   std::vector<double> snr_db{};

@@ -10,7 +10,7 @@
 namespace earshot {
 namespace {
 
-/// Weights of the lateral parameters; null where a response does not have them.
+/// Weights of the lateral parameters; nullopt where a response does not have them.
 struct LateralWeights {
   std::optional<AxisWeight> squared_cosine, cosine;
 };

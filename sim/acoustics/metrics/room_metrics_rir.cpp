@@ -3,12 +3,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/metrics/band_analysis.h"
 #include "sim/acoustics/metrics/interaural.h"
 #include "sim/acoustics/metrics/onset.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/metrics/signal_energy.h"
-#include "sim/acoustics/metrics/third_octaves.h"
 #include "sim/base/errors.h"
 
 namespace earshot {
@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kMaxInterauralSamples = std::size_t{1} << 21;
 
 BandLayout layout_of(MeasuredBands bands, float sample_rate_hz) {
-  return bands == MeasuredBands::octaves ? BandLayout::octaves(sample_rate_hz) : third_octaves(sample_rate_hz);
+  return bands == MeasuredBands::octaves ? BandLayout::octaves(sample_rate_hz) : BandLayout::third_octaves(sample_rate_hz);
 }
 /// Of the edges of the filters, octaves: a half of the bandwidth is one edge.
 double half_width_of(MeasuredBands bands) { return bands == MeasuredBands::octaves ? 0.25 : 1.0 / 12; }

@@ -9,9 +9,9 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/metrics/response_series.h"
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "sim/acoustics/metrics/third_octaves.h"
 #include "sim/audio/head/ambisonics.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
@@ -302,7 +302,7 @@ TEST(StageSupport, NeedsAListenerAtOneMetreAndASecond) {
 
 // Third octaves: power-complementary filters of their own; an impulse reads the same in all, a tone in its own.
 TEST(ThirdOctaves, ReadImpulsesAlikeAndTonesInTheirBand) {
-  const BandLayout bands = third_octaves(44100);
+  const BandLayout bands = BandLayout::third_octaves(44100);
   ASSERT_EQ(bands.size(), 21);
   EXPECT_NEAR(static_cast<double>(bands.centre_hz[10]), 1000, 1e-3);
   std::vector<float> rir(44100, 0.f);

@@ -12,8 +12,8 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/metrics/room_metrics.h"
-#include "sim/acoustics/metrics/third_octaves.h"
 #include "sim/base/errors.h"
 #include "sim/base/random.h"
 #include "tests/support/acoustics/rooms.h"
@@ -119,7 +119,7 @@ TEST(SpeechTransmission, NeedsItsSevenOctaves) {
   EXPECT_TRUE(speech_octaves(BandLayout::octaves(16000).centre_hz));
   EXPECT_TRUE(speech_octaves(BandLayout::octaves(48000).centre_hz));
   EXPECT_FALSE(speech_octaves(BandLayout::octaves(8000).centre_hz));
-  EXPECT_FALSE(speech_octaves(third_octaves(48000).centre_hz));
+  EXPECT_FALSE(speech_octaves(BandLayout::third_octaves(48000).centre_hz));
   for (const int bands : {1, 7, 16, 24}) EXPECT_FALSE(speech_octaves(BandLayout::log_spaced(bands, 48000).centre_hz)) << bands;
 }
 
