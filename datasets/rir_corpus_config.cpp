@@ -100,8 +100,7 @@ void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
   }
   // Settings for the channels as in `earshot rir`, unless the file sets them.
   const ListenerLayout layout = ListenerLayout::named(config.channels);
-  if (layout.kind == ListenerKind::ambisonics) config.acoustics.sh_order = harmonics_of(layout, config.acoustics);
-  if (layout.kind == ListenerKind::mono && !acoustics.has("sh_order")) config.acoustics.sh_order = 0;
+  config.acoustics.sh_order = harmonics_of(layout, config.acoustics);
   const AcousticConfig before = config.acoustics;
   read(acoustics, config.acoustics);
   if (config.acoustics.threads != before.threads) acoustics.fail("threads", "has no effect in this config; use the option --threads");

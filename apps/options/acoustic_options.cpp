@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "sim/acoustics/accuracy/accuracy_plan.h"
+#include "sim/acoustics/synthesis/channel_order.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 #include "sim/base/text/listed.h"
@@ -69,12 +70,8 @@ std::optional<AccuracyTarget> AcousticOptions::accuracy_target() const {
 }
 
 AcousticConfig AcousticOptions::config() const {
-  constexpr int traced_order = 5;
   AcousticConfig config = acoustic_preset(preset);
-  const ListenerLayout listener = layout();
-  if (listener.kind == ListenerKind::ambisonics) config.sh_order = std::clamp(listener.order, config.sh_order, traced_order);
-  if (listener.kind == ListenerKind::mono) config.sh_order = 0;  // it hears from all sides alike
-  config.sh_order = std::max(config.sh_order, least_order);
+  config.sh_order = std::max(harmonics_of(layout(), config), least_order);
   if (accuracy) config.rir_length_s = 0;
   ConfigReader reader = ConfigReader::from_text("", "--set", settings);
   read(reader, config);

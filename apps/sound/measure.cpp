@@ -8,6 +8,7 @@
 
 #include "apps/commands.h"
 #include "apps/options/output_options.h"
+#include "apps/options/parameter_options.h"
 #include "apps/sound/rir_json.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/audio/dry_sounds/sound_clip.h"
@@ -22,8 +23,7 @@ struct MeasureArguments {
   std::string file, metrics, bands = "octaves", lateral, reference;
   std::optional<int> channel, lateral_channel;
   std::optional<double> direct_delay_s, distance_m;
-  std::vector<std::string> parameters;
-  std::vector<double> speech_snr_db;
+  ParameterOptions parameters;
   bool is_green = false;
 };
 
@@ -46,7 +46,7 @@ SoundChannels load_beside(const std::string& file, const std::string& option, fl
 
 RirMeasurement reading_of(const MeasureArguments& options) {
   RirMeasurement how;
-  how.request = parameter_request(options.parameters, options.speech_snr_db, "--parameters", "--speech-snr");
+  how.request = options.parameters.request();
   if (how.request.interaural)
     throw InputError("--parameters", "'interaural' asks for standard errors, which a single response does not have",
                      "leave it out: IACC of two channels is always measured");
@@ -177,14 +177,8 @@ void add_measure(CLI::App& app) {
       "--direct-delay", options->direct_delay_s,
       "Time of the direct sound in seconds (default: the first sample within 20 dB of the strongest that stands 14 dB above "
       "the quietest 10 ms, the noise)");
-  command
-      ->add_option("--parameters", options->parameters,
-                   "Further parameters: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, of a microphone at 1 m), speech (MTI, STI)")
-      ->delimiter(',');
-  command
-      ->add_option("--speech-snr", options->speech_snr_db,
-                   "Ratio of speech to noise in dB for STI: one, or seven from 125 Hz to 8 kHz (default: no noise)")
-      ->delimiter(',');
+  options->parameters.add_to(
+      *command, "Further parameters: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, of a microphone at 1 m), speech (MTI, STI)");
   command
       ->add_option("--lateral", options->lateral,
                    "Sound file with the response of a figure-of-eight microphone, its null toward the source (for lateral)")

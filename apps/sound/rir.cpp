@@ -15,6 +15,7 @@
 #include "apps/options/accuracy_planning.h"
 #include "apps/options/acoustic_options.h"
 #include "apps/options/output_options.h"
+#include "apps/options/parameter_options.h"
 #include "apps/options/parse_point.h"
 #include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
@@ -43,12 +44,9 @@ struct RirArguments {
   std::vector<double> heading_deg = {0};
   double pitch_deg = 0, roll_deg = 0;
   std::string out, metrics, plot;
-  std::vector<std::string> parameters;
-  std::vector<double> speech_snr_db;
+  ParameterOptions parameters;
   double gain = 1;
   bool components = false;
-
-  [[nodiscard]] ParameterRequest request() const { return parameter_request(parameters, speech_snr_db, "--parameters", "--speech-snr"); }
 };
 
 /// A part of a response: kinds of arrivals, and whether the late field is included.
@@ -150,7 +148,7 @@ class PairRenderer {
         write(with_suffix(file, fmt::format(".{}", component.name)), part);
       }
     }
-    ParameterRequest request = options_.request();
+    ParameterRequest request = options_.parameters.request();
     request.lateral_axis = lateral_axis(candidates.source(), listener);
     const RoomMetrics energy = measure(planned, response, request);
     print(file, rir, response, energy, render_ms);
@@ -271,12 +269,12 @@ void print_warnings(const std::vector<std::string>& odd_in_scene, const std::vec
 
 /// That of the options; lateral parameters ask for harmonics that --set may lower again.
 AcousticConfig config_of(const RirArguments& options) {
-  if (options.request().any() && options.metrics.empty())
+  if (options.parameters.request().any() && options.metrics.empty())
     throw InputError("--parameters", "has no effect without a file for them", "add --metrics FILE");
-  if (options.request().interaural && options.acoustics.layout().kind != ListenerKind::binaural)
+  if (options.parameters.request().interaural && options.acoustics.layout().kind != ListenerKind::binaural)
     throw InputError("--parameters", "interaural needs two ears", "use --channels binaural");
   AcousticOptions acoustics = options.acoustics;
-  if (options.request().lateral) acoustics.least_order = AxisWeight::needed_order(AxisWeight::Kind::cosine);
+  if (options.parameters.request().lateral) acoustics.least_order = AxisWeight::needed_order(AxisWeight::Kind::cosine);
   return acoustics.config();
 }
 
@@ -374,16 +372,10 @@ void add_rir(CLI::App& app) {
       ->add_option("--metrics", options->metrics,
                    "JSON file to write, with room-acoustic parameters per band (several pairs: a list under \"pairs\")")
       ->type_name(kOutputFile);
-  command
-      ->add_option(
-          "--parameters", options->parameters,
-          "Further parameters in the metrics file, with their standard errors: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, "
-          "of a listener at 1 m), speech (MTI, STI), interaural (errors of IACC)")
-      ->delimiter(',');
-  command
-      ->add_option("--speech-snr", options->speech_snr_db,
-                   "Ratio of speech to noise in dB for STI: one, or seven from 125 Hz to 8 kHz (default: no noise)")
-      ->delimiter(',');
+  options->parameters.add_to(
+      *command,
+      "Further parameters in the metrics file, with their standard errors: lateral (J_LF, J_LFC, LG), stage (ST_early, ST_late, "
+      "of a listener at 1 m), speech (MTI, STI), interaural (errors of IACC)");
   command
       ->add_option("--plot", options->plot,
                    "SVG plot to write: arrivals by kind, late field and decay of each band (several pairs: one file next to each WAV)")
