@@ -28,6 +28,7 @@ void put_geometry(ByteWriter& writer, const FoundGeometry& found) {
   writer.put_list(found.folds.some_plane);
   writer.put_list(found.folds.fold_of_triangle);
   writer.put_list(found.mean_absorption);
+  writer.put_list(found.solid);
 }
 
 bool all_below(const std::vector<std::uint32_t>& indices, std::size_t end) {
@@ -66,6 +67,7 @@ FoundGeometry take_geometry(ByteReader& reader, const Scene& scene) {
   found.folds.some_plane = reader.take_list<std::uint32_t>();
   found.folds.fold_of_triangle = reader.take_list<std::uint32_t>();
   found.mean_absorption = reader.take_list<double>();
+  found.solid = reader.take_list<std::uint8_t>();
 
   const std::size_t triangles = scene.mesh().triangles.size(), materials = scene.materials().size();
   for (const DiffractionEdge& edge : found.edges) reader.check(is_edge(edge, materials));
@@ -77,6 +79,7 @@ FoundGeometry take_geometry(ByteReader& reader, const Scene& scene) {
   reader.check(folds.fold_of_triangle.size() == (folds.planes.empty() ? 0 : triangles) &&
                all_below(folds.fold_of_triangle, folds.planes.size() + 1));
   for (const float depth_m : folds.depth_m) reader.check(depth_m >= 0 && std::isfinite(depth_m));
+  reader.check(found.solid.empty() || found.solid.size() == triangles);
   for (const double mean : found.mean_absorption) reader.check(mean >= 0 && mean <= 1.0001);
   return found;
 }

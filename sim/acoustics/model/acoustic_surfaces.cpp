@@ -17,6 +17,7 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
   const FlushDenormals flush;
   set_coefficients();
   average_absorption();
+  find_solids();
   if (config_.diffraction != Switch::off)
     diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, config_.diffraction_edge_m);
   planes_ = find_mirror_planes(scene_->mesh());
@@ -29,6 +30,7 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
   const FlushDenormals flush;
   set_coefficients();
   mean_absorption_ = std::move(known.mean_absorption);
+  solid_ = std::move(known.solid);
   if (config_.diffraction != Switch::off) diffraction_edges_ = std::make_shared<const DiffractionEdges>(*scene_, std::move(known.edges));
   planes_ = std::move(known.planes);
   folds_ = std::move(known.folds);
@@ -36,7 +38,7 @@ AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const Aco
 }
 
 FoundGeometry AcousticSurfaces::found() const {
-  FoundGeometry found{.edges = {}, .planes = planes_, .folds = folds_, .mean_absorption = mean_absorption_};
+  FoundGeometry found{.edges = {}, .planes = planes_, .folds = folds_, .mean_absorption = mean_absorption_, .solid = solid_};
   if (diffraction_edges_) found.edges.assign(diffraction_edges_->edges().begin(), diffraction_edges_->edges().end());
   return found;
 }
@@ -67,7 +69,6 @@ void AcousticSurfaces::set_coefficients() {
     }
   }
   if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
-  find_solids();
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
 }
 

@@ -27,6 +27,7 @@ struct FoundGeometry {
   MirrorPlanes planes;
   FoldedPlanes folds;
   std::vector<double> mean_absorption;  ///< [num_bands]
+  std::vector<std::uint8_t> solid;      ///< by triangle (bounds_solid); empty: no material damps
 };
 
 /// Properties of a scene and a configuration that do not depend on the effect plan (effect_plan.h): coefficients per band, planes, edges.

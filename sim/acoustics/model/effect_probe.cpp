@@ -226,7 +226,7 @@ class WallSurvey {
     const Passage passage = pass(direction, hit);
     for (std::size_t band = 0; band < tau_of_tested_.size(); ++band) {
       tau_of_tested_[band] += tau[band];
-      if (passage.leads_to_air) tau_of_inner_[band] += passed_[band];
+      if (passage.leads_to_air) tau_of_inner_[band] += passage.passed[band];
     }
     const Wall wall{hit.position + kOffM * hit.normal, passage.far, -hit.normal};
     if (passage.leads_to_room && walls_.size() * num_points_ < kMaxWalls * num_begun && is_room(surfaces_, wall.near) &&
@@ -247,17 +247,18 @@ class WallSurvey {
   struct Passage {
     glm::vec3 far{0};  ///< off the far side
     bool leads_to_air = false, leads_to_room = false;
+    std::vector<float> passed;  ///< [band]: what goes through
   };
   static constexpr float kOffM = 0.3f, kMaxCavityM = 2.f;
 
-  /// Goes on through a second wall where the first one leads to no room: a wall may be two sheets with a cavity.  Leaves in passed_ what
-  /// goes through.
+  /// Goes on through a second wall where the first one leads to no room: a wall may be two sheets with a cavity.
   Passage pass(glm::vec3 direction, const Hit& hit) {
     const EmbreeScene& rays = surfaces_.scene().rays();
     Passage passage;
     std::vector<float> through(tau_of_tested_.size(), 1.f);
     Hit at = hit;
     for (int wall = 1; wall <= 2; ++wall) {
+      if (wall == 2 && at.distance_m > kMaxCavityM) return passage;
       const auto tau = surfaces_.transmission(surfaces_.scene().mesh().triangle_material[at.triangle]);
       if (std::all_of(tau.begin(), tau.end(), [](float t) { return t <= 0.f; })) return passage;
       const WallCrossing crossing = cross_wall(surfaces_, direction, at);
@@ -265,12 +266,8 @@ class WallSurvey {
       const glm::vec3 far = crossing.exit - kOffM * hit.normal;
       const Hit next = rays.intersect(crossing.exit, direction);
       if (!next.valid()) return passage;
-      if (wall == 2 && at.distance_m > kMaxCavityM) return passage;
       const bool leads_to_room = is_room(surfaces_, far);
-      if (leads_to_room || (wall == 1 && has_height(surfaces_, far))) {
-        passage = {far, true, leads_to_room};
-        passed_ = through;
-      }
+      if (leads_to_room || (wall == 1 && has_height(surfaces_, far))) passage = {far, true, leads_to_room, through};
       if (leads_to_room) return passage;
       at = next;
     }
@@ -279,7 +276,6 @@ class WallSurvey {
 
   const AcousticSurfaces& surfaces_;
   std::size_t num_points_, num_tested_ = 0;
-  std::vector<float> passed_;                         ///< [band]
   std::vector<double> tau_of_tested_, tau_of_inner_;  ///< [band], sums
   std::vector<Wall> walls_;
 };
