@@ -77,11 +77,14 @@ void add_ceiling(Geometry& geometry, double world_height_m, const std::string& w
   }
 }
 
+/// A handle of a scene of Habitat may end as a mesh file does.
+bool takes_axes(const std::string& mesh) { return is_mesh_file(mesh) && !is_habitat_scene(mesh); }
+
 /// What the SCENE text and the caller say of how a file is read goes over what a YAML says.
 void apply_choices(const std::string& spec, const MeshSpec& named, const SceneOverrides& overrides, SceneConfig& config) {
   if ((named.unit_m && overrides.unit_m) || (named.up && overrides.up) || (named.cell_m && overrides.cell_m))
     throw InputError(spec, "already names a unit, an up axis or a cell, but another one was given", "give it once");
-  const bool is_file = is_mesh_file(config.mesh);
+  const bool is_file = takes_axes(config.mesh);
   const char* what = is_habitat_scene(config.mesh) ? "is a scene of Habitat" : "is generated";
   if (overrides.unit_m) {
     if (!is_file) throw InputError(spec, fmt::format("{} in metres and takes no unit", what), "leave out the unit");
@@ -121,7 +124,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
     config = read_scene_config(spec);
   else
     config.mesh = named.path;
-  if (yaml && (config.is_up_given || config.is_unit_given || config.import.cell_m) && !is_mesh_file(config.mesh))
+  if (yaml && (config.is_up_given || config.is_unit_given || config.import.cell_m) && !takes_axes(config.mesh))
     throw InputError(spec, "up, unit_m and cell_m have no effect on a generated mesh or a scene of Habitat", "remove them");
   apply_choices(spec, named, overrides, config);
   if (overrides.simplify_m) config.simplify_m = overrides.simplify_m;
@@ -133,10 +136,10 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
           : MaterialDatabase::builtin();
   if (config.own_semantics) config.rules.semantics->require_materials(database);
   refuse_other_formats(config.mesh);
-  if (config.annotations && (!is_mesh_file(config.mesh) || is_point_cloud(config.mesh)))
+  if (config.annotations && (!takes_axes(config.mesh) || is_point_cloud(config.mesh)))
     throw InputError(spec, "annotations have no effect on a generated mesh, a point cloud or a scene of Habitat", "remove them");
   Geometry geometry = make_geometry(config, database);
-  if (is_mesh_file(config.mesh))
+  if (takes_axes(config.mesh))
     geometry.report.axes = FileAxes{.unit_m = config.import.unit_m,
                                     .up = config.import.up == MeshImportOptions::Up::z ? 'z' : 'y',
                                     .is_unit_given = config.is_unit_given,

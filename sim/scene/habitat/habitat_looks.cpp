@@ -16,7 +16,8 @@ class LooksAssembler {
   LooksAssembler(glm::dvec3 origin_m, int largest_texture_px) : origin_m_(origin_m), largest_texture_px_(largest_texture_px) {}
 
   void add(const PlacedAsset& asset) {
-    const TriangleMesh box = asset.placement.is_centered_on_box ? import_mesh(asset.mesh).mesh : TriangleMesh{};
+    TriangleMesh& box = boxes_[asset.mesh];
+    if (asset.placement.is_centered_on_box && box.vertices.empty()) box = import_mesh(asset.mesh).mesh;
     const glm::dmat4 to_world = matrix_of(asset.placement, box);
     const auto [place, is_new] = parts_.try_emplace(asset.mesh);
     Part& part = place->second;
@@ -61,6 +62,7 @@ class LooksAssembler {
   int largest_texture_px_;
   VisualMesh all_;
   std::map<std::filesystem::path, Part> parts_;
+  std::map<std::filesystem::path, TriangleMesh> boxes_;  ///< of assets that are placed by the middle of their box
 };
 
 }  // namespace

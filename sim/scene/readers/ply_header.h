@@ -32,11 +32,13 @@ struct PlyHeader {
   std::size_t num_lines = 0;   ///< of the header
 };
 
+/// What of a file the bytes hold.
+enum class PlyPart { whole, header };
+
 /// Reads the header of a PLY file.  Comments and obj_info may stand in any line; the first line tells how all lines of the header end
 /// ("\n", "\r\n" or "\r").  Throws InputError for a header that is not well formed, and if its elements cannot fit into the bytes that
 /// follow.
 /// With PlyPart::header the bytes need not have a body, and its size is not looked at.
-enum class PlyPart { whole, header };
 PlyHeader parse_ply_header(std::string_view bytes, const std::string& where, PlyPart part = PlyPart::whole);
 
 /// Whether a property is the corners of a face, or a strip of triangles.

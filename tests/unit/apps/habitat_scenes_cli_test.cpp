@@ -70,6 +70,11 @@ TEST_F(HabitatScenesCli, WhatIsMissingOrForeignEndsInOneLine) {
   const std::string scene = file(HabitatSet::kScene), config = file(HabitatSet::kConfig);
   expect_bad_input("scene " + config + ",scene=apt_7", "names the scene 'apt_7', which cad.scene_dataset_config.json does not list");
   expect_bad_input("scene " + scene + " --unit 0.01", "is a scene of Habitat in metres and takes no unit");
+  // A handle may end as a mesh file does.
+  expect_bad_input("scene " + config + ",scene=apt_0.glb --unit 0.01", "is a scene of Habitat in metres and takes no unit");
+  expect_bad_input("scene " + config + ",scene=apt_0.ply --up z", "is a scene of Habitat");
+  expect_bad_input("scene " + write("glb.yaml", std::string("annotations: a.house\nmesh: ") + HabitatSet::kConfig + ",scene=a.glb\n"),
+                   "annotations have no effect on");
   expect_bad_input("scene " + file("configs/stages/flat.stage_config.json"), "describes a stage of Habitat; give the .scene_instance.json");
   expect_bad_input("scene " + write("up.yaml", std::string("up: z\nmesh: ") + HabitatSet::kScene + "\n"), "have no effect on");
   expect_bad_input("scene " + write("names.yaml", std::string("annotations: a.house\nmesh: ") + HabitatSet::kScene + "\n"),
