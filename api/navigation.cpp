@@ -40,13 +40,17 @@ glm::vec3 Navigation::Model::local(const Vec3& point) const {
 Vec3 Navigation::Model::world(glm::vec3 point) const { return vec3_of(scene->to_world(point)); }
 
 std::shared_ptr<const GeodesicField> Navigation::Model::field_to(glm::vec3 goal) const {
-  const std::lock_guard lock(mutex);
-  const auto known = std::ranges::find_if(fields, [&](const auto& one) { return one.first == goal; });
-  if (known != fields.end()) {
-    std::rotate(known, known + 1, fields.end());  // the first one goes first
-    return fields.back().second;
+  const auto find_kept = [&] { return std::ranges::find_if(fields, [&](const auto& one) { return one.first == goal; }); };
+  {
+    const std::lock_guard lock(mutex);
+    if (const auto known = find_kept(); known != fields.end()) {
+      std::rotate(known, known + 1, fields.end());  // the first one goes first
+      return fields.back().second;
+    }
   }
   auto field = navmesh->snap(goal, kGoalReachM) ? std::make_shared<const GeodesicField>(*navmesh, goal, kGoalReachM) : nullptr;
+  const std::lock_guard lock(mutex);
+  if (find_kept() != fields.end()) return field;  // another thread was faster
   if (fields.size() >= kMaxFields) fields.erase(fields.begin());
   fields.emplace_back(goal, field);
   return field;
@@ -81,10 +85,10 @@ std::optional<double> Navigation::distance_m(const Vec3& from, const Vec3& to) c
 }
 
 std::vector<Vec3> Navigation::path(const Vec3& from, const Vec3& to) const {
-  if (!distance_m(from, to)) return {};
   const auto field = model_->field_to(model_->local(to));
-  std::vector<Vec3> corners{from};
   glm::vec3 place = model_->local(from);
+  if (!field || !field->distance_m(place)) return {};
+  std::vector<Vec3> corners{from};
   while (static_cast<int>(corners.size()) < kMaxPathCorners) {
     const auto next = field->next_corner(place);
     if (!next) return {};
