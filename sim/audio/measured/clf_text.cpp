@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <optional>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/config_number.h"
 #include "sim/base/text/text_match.h"
 
 namespace earshot {
@@ -39,14 +39,6 @@ std::string shown(std::string_view text) {
   std::string safe;
   for (const char c : text.substr(0, 40)) safe += c >= ' ' && c <= '~' ? c : '?';
   return safe;
-}
-
-std::optional<double> number_of(std::string_view text) {
-  if (text.starts_with('+')) text.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
 }
 
 class ClfParser {
@@ -126,7 +118,7 @@ class ClfParser {
 
   void begin_band(const std::string& value) {
     if (num_rows_ == 0) throw refuse_line("<BAND> stands before <BALLOON-SYMMETRY>");
-    const auto frequency = number_of(value);
+    const auto frequency = parse_decimal<double>(value);
     if (!frequency || !(*frequency >= 1 && *frequency <= 1e6))
       throw refuse_line(fmt::format("'{}' is not a frequency in Hz", shown(value)));
     if (!balloon_.frequency_hz.empty() && !(*frequency > balloon_.frequency_hz.back()))
@@ -147,7 +139,7 @@ class ClfParser {
           fmt::format("has {} levels instead of {}, one per {} degrees from front to back", fields.size(), angles, balloon_.step_deg));
     std::vector<double>& row = rows_.emplace_back();
     for (const std::string_view field : fields) {
-      const auto value = number_of(field);
+      const auto value = parse_decimal<double>(field);
       if (!value) throw refuse_line(fmt::format("'{}' is not a number with a decimal point", shown(field)));
       if (!(std::abs(*value) <= kMaxLevelDb)) throw refuse_line(fmt::format("{} dB is outside [-300, 300]", *value));
       row.push_back(*value);
