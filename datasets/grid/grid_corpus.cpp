@@ -89,7 +89,7 @@ class SharedFiles {
     files_.push_back({metadata / "edges.txt", rendering.points.edges_text, points, use});
     files_.push_back({metadata / "scene.json", json_text(of_scene, 1) + "\n", "is of another scene, with other materials or air",
                       "use the same scene, another --name, or another folder"});
-    needs_scene_ = metadata;
+    metadata_ = metadata;
     if (!config.pictures_px) return;
     const auto& [width_px, height_px] = *config.pictures_px;
     const nlohmann::ordered_json of_pictures{
@@ -102,8 +102,8 @@ class SharedFiles {
     for (const File& file : files_)
       if (std::filesystem::exists(file.path) && read_file(file.path) != file.text)
         throw InputError(file.path.string(), file.problem, file.advice);
-    if (std::filesystem::exists(needs_scene_ / "points.txt") && !std::filesystem::exists(needs_scene_ / "scene.json"))
-      throw InputError(needs_scene_.string(), "has points, but no scene.json that says of which scene",
+    if (std::filesystem::exists(metadata_ / "points.txt") && !std::filesystem::exists(metadata_ / "scene.json"))
+      throw InputError(metadata_.string(), "has points, but no scene.json that says of which scene",
                        "use another --name or another folder");
   }
   void write() const {
@@ -118,7 +118,7 @@ class SharedFiles {
     const char *problem, *advice;
   };
   std::vector<File> files_;
-  std::filesystem::path needs_scene_;
+  std::filesystem::path metadata_;
 };
 
 void remove_file(const std::filesystem::path& file) {

@@ -21,7 +21,7 @@ constexpr int kStateVersion = 2;
 
 [[noreturn]] void fail(const std::string& problem) { throw InputError("environment state", problem, "use another checkpoint"); }
 
-std::uint64_t hash_at(const json& object, const std::string& key) { return std::stoull(object.at(key).get<std::string>(), nullptr, 16); }
+std::uint64_t hash_of(const json& hexadecimal) { return std::stoull(hexadecimal.get<std::string>(), nullptr, 16); }
 
 }  // namespace
 
@@ -54,9 +54,9 @@ EnvState decode_env_state(std::string_view text) {
                          {kStateVersion, kStateVersion});
     const json& body = document.at("body");
     if (document.at("checksum").get<std::string>() != hex64(hash64(json_text(body)))) fail("is corrupted: its checksum does not match");
-    state.set_hash = hash_at(body, "set_hash");
+    state.set_hash = hash_of(body.at("set_hash"));
     if (body.contains("heard"))
-      for (const auto& [name, hash] : body.at("heard").items()) state.heard[name] = hash_at(body.at("heard"), name);
+      for (const auto& [name, hash] : body.at("heard").items()) state.heard[name] = hash_of(hash);
     state.seed = whole_number<std::uint64_t>(body, "seed");
     state.first_env = whole_number<int>(body, "first_env");
     state.total_envs = whole_number<int>(body, "total_envs");
@@ -70,7 +70,7 @@ EnvState decode_env_state(std::string_view text) {
                        .episode_index = whole_number<std::uint64_t>(env, "episode_index"),
                        .episode_count = whole_number<int>(env, "episode_count"),
                        .actions = {}};
-      if (env.contains("scene")) cursor.scene = hash_at(env, "scene");
+      if (env.contains("scene")) cursor.scene = hash_of(env.at("scene"));
       read_actions(env, cursor.actions, cursor.others, fail);
       if (cursor.episode_count < 0) fail("contains a negative episode count");
       state.envs.push_back(std::move(cursor));

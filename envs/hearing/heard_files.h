@@ -30,7 +30,7 @@ FileHashes heard_in(const Episode& episode, const HeardFiles& files);
 /// Of all episodes.
 FileHashes heard_in_all(const HeardFiles& files);
 
-/// Of a file of any kind.  Throws InputError if it is not there.
+/// Hash of the bytes of a regular file of up to 4 GiB.  Throws InputError for anything else.
 std::uint64_t hash_of_file(const std::filesystem::path& path);
 
 }  // namespace earshot

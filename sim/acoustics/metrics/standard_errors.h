@@ -16,8 +16,8 @@ class SourceField;
 /// Standard errors of parameters, each in the field of the parameter itself and in its unit; nullopt where it is not known.  Twice an error
 /// covers 95 % of seeds.
 struct MetricErrors {
-  /// Of the energy response, of rt60_s, the statistics of kErrorEntries and what was asked for.  Empty with too few rays and without a late
-  /// field.
+  /// Of the energy response: of rt60_s, of the statistics in kErrorEntries, and of what was asked for.  Empty with too few rays and without
+  /// a late field.
   std::vector<BandMetrics> bands;
   std::vector<BandMetrics> ears;  ///< octaves of the rendered ears: iacc, iacc_early, iacc_late; empty where not asked for
   std::optional<double> sti;
