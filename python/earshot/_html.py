@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._wav import wav
+
 if TYPE_CHECKING:
     from ._results import AccuracyPlan, Metrics
     from .acoustics import Scene
@@ -115,14 +117,10 @@ def spectrogram_db(samples: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     return levels
 
 
-def wav(samples: NDArray[np.floating[Any]], rate_hz: float) -> bytes:
-    """[channels, samples] as 16 bits, its peak at 0.9."""
+def audible(samples: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
+    """Its peak at 0.9."""
     peak = float(np.abs(samples).max()) or 1.0
-    data = np.round(np.asarray(samples).T / peak * 0.9 * 32767).astype("<i2").tobytes()
-    channels, rate = samples.shape[0], round(rate_hz)
-    head = struct.pack("<4sIHHIIHH", b"fmt ", 16, 1, channels, rate, rate * channels * 2, channels * 2, 16)
-    body = head + struct.pack("<4sI", b"data", len(data)) + data
-    return struct.pack("<4sI4s", b"RIFF", 4 + len(body), b"WAVE") + body
+    return np.round(np.asarray(samples) / peak * 0.9 * 32767).astype(np.int16)
 
 
 def inline(kind: str, data: bytes) -> str:
@@ -136,7 +134,7 @@ def response_page(response: Response) -> str:
     grey = np.round((levels / SPECTROGRAM_DB + 1) * 255).astype(np.uint8)
     seconds = rir.shape[1] / scene.sample_rate_hz
     caption = f"Spectrogram over {seconds:.3g} s, 0 to {scene.sample_rate_hz / 2000:g} kHz, {SPECTROGRAM_DB:g} dB; first channel on top"
-    player = f'<audio controls src="{inline("audio/wav", wav(rir[:2], scene.sample_rate_hz))}"></audio>'
+    player = f'<audio controls src="{inline("audio/wav", wav(audible(rir[:2]), scene.sample_rate_hz))}"></audio>'
     image = f'<img alt="spectrogram" style="width:{PLAN_PX}px;image-rendering:pixelated" src="{inline("image/png", png(grey))}">'
     return (
         f"<div>{plan_svg(scene, marks)}<br>{html.escape(repr(response.arrivals))}{metrics_table(response.metrics)}"

@@ -15,7 +15,7 @@ from ._episodes import check_scene_dataset
 
 PICTURES = {"RGB": "rgb", "Depth": "depth", "Semantic": "semantic"}
 HEARD = {"EarshotAudioGoalSensor": "heard", "EarshotSpectrogramSensor": "spectrogram"}
-#: One of the scene is enough: of the batch only the table of its sensors is asked.
+#: Any episode does: a batch is made of it for the table of its sensors alone.
 TRIAL_EPISODE = {
     "scenes": ["shoebox:4x2.5x4"],
     "sounds": ["synth:telephone"],

@@ -18,7 +18,7 @@ Point = Sequence[float] | NDArray[Any]
 
 #: A point this far from the floor, in metres, is still on it.
 ON_FLOOR_M = 0.05
-#: Turns smaller than this part of a turn are not made: docs/howto/habitat.md.
+#: An oracle does not make turns below this fraction of one action, so that it does not swing about its goal (docs/howto/habitat.md).
 DEAD_BAND = 0.9
 
 

@@ -18,7 +18,6 @@ import json
 import math
 import os
 import re
-import struct
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,11 +27,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..._engine import InputError, RunError
+from ..._wav import wav
 from ...acoustics import Scene, Source
 from ...responses import Response
 from ._episodes import scene_of
 
-EAR_HEIGHT_M = 1.5  #: of a listener that follows the agent of a simulator
+#: Height of the ears above an agent of a simulator, in metres.
+EAR_HEIGHT_M = 1.5
 
 
 class AudioSensor:
@@ -108,13 +109,7 @@ class AudioSensor:
         """A WAV file of float32."""
         rir = self._done("writeIRWave")
         assert self._loaded is not None
-        rate = round(self._loaded[1].sample_rate_hz)
-        data = np.ascontiguousarray(rir.T, dtype="<f4").tobytes()
-        channels = len(rir)
-        form = struct.pack("<HHIIHHH", 3, channels, rate, rate * channels * 4, channels * 4, 32, 0)
-        chunks = b"WAVE" + b"fmt " + struct.pack("<I", len(form)) + form + b"fact" + struct.pack("<II", 4, rir.shape[1])
-        chunks += b"data" + struct.pack("<I", len(data)) + data
-        Path(path).write_bytes(b"RIFF" + struct.pack("<I", len(chunks)) + chunks)
+        Path(path).write_bytes(wav(rir, self._loaded[1].sample_rate_hz))
 
     def getRayEfficiency(self) -> float:  # noqa: N802
         """The fraction of the rays that no hole of the mesh has lost, in [0, 1]."""

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import quaternion
 from gym import spaces
 from habitat.core.registry import registry
 from habitat.core.simulator import AgentState, Observations, SensorSuite, Simulator
@@ -258,9 +256,3 @@ class EarshotSim(Simulator):
 def _first(agent_id: int) -> None:
     if agent_id != 0:
         raise InputError(f"Earshot-v0: agent_id is {agent_id}; it has one agent, 0")
-
-
-def start_rotation(heading_rad: float) -> list[float]:
-    """[x, y, z, w]"""
-    rotation = rotation_of(math.remainder(heading_rad, 2 * math.pi))
-    return [*(float(value) for value in quaternion.as_float_array(rotation)[1:]), float(rotation.w)]
