@@ -15,6 +15,7 @@
 #include "sim/base/engine_hash.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/hooked_collective.h"
 #include "tests/support/workers/training_run.h"
 #include "trainer/run/effective_config.h"
@@ -63,8 +64,7 @@ class JoinRun : public TrainingRun {
     return train(config, collective, start.run);
   }
   void wait_for(const std::function<bool()>& condition) {
-    for (int tries = 0; tries < 9000 && !condition(); ++tries) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_TRUE(condition());
+    EXPECT_TRUE(wait_until(condition, 60));
   }
   void wait_for_updates(const std::vector<int>& ranks, int world, int updates) {
     for (const int rank : ranks) wait_for([&] { return shared().world[rank] == world; });

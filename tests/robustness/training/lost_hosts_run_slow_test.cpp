@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/curve_ring.h"
 #include "tests/support/workers/hooked_collective.h"
 #include "tests/support/workers/host_namespaces.h"
@@ -70,8 +71,7 @@ class LostHostsRun : public TrainingRun {
     return train(config, collective, {});
   }
   void wait_for(const std::function<bool()>& condition) {
-    for (int tries = 0; tries < 12000 && !condition(); ++tries) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_TRUE(condition());
+    EXPECT_TRUE(wait_until(condition, 60));
   }
   /// All of these train, as so many.
   void wait_for_updates(const std::vector<int>& ranks) {

@@ -13,6 +13,7 @@
 
 #include "sim/base/files.h"
 #include "tests/support/files/test_paths.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 
@@ -53,28 +54,18 @@ class BackgroundProgram {
     return -1;
   }
   [[nodiscard]] bool is_running() const {
-    return pid_ > 0 && ::waitid(P_PID, static_cast<id_t>(pid_), &info_, WEXITED | WNOHANG | WNOWAIT) == 0 && info_.si_pid == 0;
+    return pid_ > 0 && !has_ended(pid_);
   }
   [[nodiscard]] std::string text() const { return read_file(output_); }
 
-  /// Waits until it has written this; false if that takes too long.
+  /// Waits until it has written this; false if that takes too long or it ends before.
   [[nodiscard]] bool has_written(const std::string& part, double seconds = 60) const {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-    while (text().find(part) == std::string::npos) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
-    return true;
+    return wait_until([&] { return text().find(part) != std::string::npos; }, seconds, {&pid_, 1});
   }
 
   /// Waits until the file is there; false if that takes too long.
   static bool wait_for(const std::filesystem::path& file, double seconds = 60) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-    while (!std::filesystem::exists(file)) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    return true;
+    return wait_until([&] { return std::filesystem::exists(file); }, seconds);
   }
 
  private:
@@ -97,7 +88,6 @@ class BackgroundProgram {
 
   std::string output_;
   pid_t pid_ = 0;
-  mutable siginfo_t info_{};
 };
 
 }  // namespace earshot

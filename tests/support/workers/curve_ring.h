@@ -22,31 +22,42 @@
 
 namespace earshot {
 
-/// A port that nothing listens on, and that no other test gets until this process ends.  Below those that a system gives by itself, so that
-/// no connection takes it either.
-inline int free_port(const std::string& host = "127.0.0.1") {
+/// Holds the port against other tests until this process ends; false if another test or program has it.
+inline bool hold_port(int port, const std::string& host) {
+  // An abstract address is held by one process, and given up with it.
+  sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+  const std::string name = "earshot-test-port-" + std::to_string(port);
+  std::ranges::copy(name, address.sun_path + 1);
+  const int holder = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  if (::bind(holder, reinterpret_cast<const sockaddr*>(&address), size) != 0) {
+    ::close(holder);
+    return false;
+  }
+  try {
+    zmq::context_t context;
+    zmq::socket_t(context, zmq::socket_type::router).bind("tcp://" + host + ":" + std::to_string(port));
+    return true;
+  } catch (const zmq::error_t&) {  // of another program; it stays held
+    return false;
+  }
+}
+
+/// The first of so many ports in a row that nothing listens on, and that no other test gets until this process ends.  Below those that a
+/// system gives by itself, so that no connection takes them either.
+inline int free_ports(int wanted, const std::string& host = "127.0.0.1") {
   constexpr int first = 25000, count = 4000;
-  zmq::context_t context;
+  const int start = ::getpid() * 37 % count;
+  int in_a_row = 0;
   for (int i = 0; i < count; ++i) {
-    const int port = first + (::getpid() * 37 + i) % count;
-    // An abstract address is held by one process, and given up with it.
-    sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
-    const std::string name = "earshot-test-port-" + std::to_string(port);
-    std::ranges::copy(name, address.sun_path + 1);
-    const int holder = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
-    if (::bind(holder, reinterpret_cast<const sockaddr*>(&address), size) != 0) {
-      ::close(holder);
-      continue;
-    }
-    try {
-      zmq::socket_t(context, zmq::socket_type::router).bind("tcp://" + host + ":" + std::to_string(port));
-      return port;
-    } catch (const zmq::error_t&) {  // of another program; it stays held
-    }
+    const int offset = (start + i) % count;
+    if (offset == 0) in_a_row = 0;
+    in_a_row = hold_port(first + offset, host) ? in_a_row + 1 : 0;
+    if (in_a_row == wanted) return first + offset - wanted + 1;
   }
   throw std::runtime_error("no port is free");
 }
+inline int free_port(const std::string& host = "127.0.0.1") { return free_ports(1, host); }
 
 /// A worker of a run that meets at host:port with the keys of a file.
 inline RingConfig curve_ring(const std::string& host, int port, int rank, int world_size, const std::filesystem::path& key_file) {

@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
@@ -82,8 +83,7 @@ class JoiningWorkers : public testing::Test {
   static constexpr unsigned kAlarm_s = 240;  ///< several losses and joins in turn, on a loaded machine
   SharedRounds& shared() { return shared_[0]; }
   void wait_for(const std::function<bool()>& condition) {
-    for (int tries = 0; tries < 8000 && !condition(); ++tries) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_TRUE(condition());
+    EXPECT_TRUE(wait_until(condition, 60));
   }
   /// All of these have a view of so many workers, and make three more rounds with it.
   void wait_for_rounds(const std::vector<int>& ranks, int world_size) {

@@ -13,19 +13,10 @@
 #include <thread>
 
 #include "sim/base/files.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/curve_ring.h"
 
 namespace earshot {
-
-/// True once `condition` holds; false after the limit.
-inline bool wait_until(const std::function<bool()>& condition, std::chrono::seconds limit) {
-  const auto end = std::chrono::steady_clock::now() + limit;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
-  return true;
-}
 
 inline bool has_program(const std::string& name) { return std::system(("command -v " + name + " >/dev/null 2>&1").c_str()) == 0; }
 
@@ -65,7 +56,7 @@ class SlurmNode {
     ::setenv("SLURM_CONF", (folder / "slurm.conf").c_str(), 1);
     controller_ = start("slurmctld -D");
     daemon_ = start("slurmd -D -N " + name);
-    if (!wait_until([] { return std::system("sinfo -h -o %t 2>/dev/null | grep -q idle") == 0; }, std::chrono::seconds(30)))
+    if (!wait_until([] { return std::system("sinfo -h -o %t 2>/dev/null | grep -q idle") == 0; }, 30))
       missing_ = "the daemons of Slurm did not come up within 30 s: " + where;
   }
   ~SlurmNode() {
@@ -73,7 +64,7 @@ class SlurmNode {
       static_cast<void>(std::system("scancel --full --signal=KILL --user=root >/dev/null 2>&1; scontrol shutdown >/dev/null 2>&1"));
     for (const pid_t pid : {controller_, daemon_}) {
       if (pid <= 0) continue;
-      if (!wait_until([&] { return ::kill(pid, 0) != 0; }, std::chrono::seconds(10))) ::kill(pid, SIGKILL);
+      if (!wait_until([&] { return ::kill(pid, 0) != 0; }, 10)) ::kill(pid, SIGKILL);
     }
     ::unsetenv("SLURM_CONF");
   }

@@ -14,6 +14,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/seconds_since.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/summed_addends.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/tree_collective.h"
@@ -63,7 +64,7 @@ class Arrivals {
   void arrive() { ++count_[0]; }
   bool has(int workers) { return count_[0] >= workers; }
   void wait_for(int workers) {
-    while (!has(workers)) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    EXPECT_TRUE(wait_until([&] { return has(workers); }, WorkerProcesses::kAlarm_s));
   }
 
  private:

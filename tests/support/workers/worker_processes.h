@@ -16,6 +16,7 @@
 
 #include "sim/base/temporary_folder.h"
 #include "trainer/collective/collective.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 
@@ -79,6 +80,11 @@ class WorkerProcesses {
     }
     pid = 0;
     return status;
+  }
+  /// Until is_met() is true.  False after so many seconds, and as soon as one that was not waited for has ended.
+  template <class Condition>
+  [[nodiscard]] bool wait_until(const Condition& is_met, double seconds = kAlarm_s) const {
+    return earshot::wait_until(is_met, seconds, pids_);
   }
   void expect_all_succeed() {
     for (int rank = 0; rank < static_cast<int>(pids_.size()); ++rank) EXPECT_EQ(wait(rank), 0) << "worker " << rank;

@@ -12,7 +12,7 @@
 #include "envs/config/batch_config.h"
 #include "sim/base/random.h"
 #include "tests/support/files/test_files.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {

@@ -14,6 +14,7 @@
 #include "datasets/corpus_parts.h"
 #include "sim/base/files.h"
 #include "tests/support/envs/env_cases.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {
@@ -83,7 +84,7 @@ TEST_F(CorpusPartsTest, ThreadsHelpWithThePiecesOfOthers) {
   parts.make_worker = [&] {
     return [&](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
       ++inside;
-      while (inside < kPieces) std::this_thread::yield();  // until all are at work
+      EXPECT_TRUE(wait_until([&] { return inside >= kPieces; }, 60));  // all are at work
       {
         const std::lock_guard lock(mutex);
         threads.insert(std::this_thread::get_id());

@@ -19,7 +19,7 @@
 #include "sim/base/random.h"
 #include "tests/support/programs/background_program.h"
 #include "tests/support/programs/board_rules_cli.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 #include "trainer/checkpoint/checkpoint_format.h"
 
 namespace earshot {

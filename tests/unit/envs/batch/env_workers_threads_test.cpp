@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "envs/batch/env_workers.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {
@@ -85,7 +85,7 @@ TEST(EnvWorkers, TasksAreGivenUpAgainAndAgain) {
     EXPECT_GE(stalled, 1);  // on a busy machine the others may seem to hang as well
     EXPECT_FALSE(workers.has_returned(0));
     gate.open = true;
-    while (workers.tasks_given_up() > 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ASSERT_TRUE(wait_until([&] { return workers.tasks_given_up() == 0; }));
     EXPECT_TRUE(workers.has_returned(0));
     EXPECT_FALSE(workers.has_returned(0));
     for (const std::size_t other : {1u, 2u}) static_cast<void>(workers.has_returned(other));

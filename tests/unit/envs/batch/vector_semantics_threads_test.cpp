@@ -13,7 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/envs/vector_semantics.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {

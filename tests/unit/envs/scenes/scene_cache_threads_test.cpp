@@ -13,6 +13,7 @@
 #include "envs/scenes/scene_cache.h"
 #include "sim/base/random.h"
 #include "tests/support/envs/scene_cache_cases.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {
@@ -41,9 +42,7 @@ TEST(SceneCache, PrefetchLoadsInTheBackground) {
   SceneCache cache(quick(), {}, "", kRoomy);
   cache.prefetch("no_such_file.glb", {0, 0, 0}, 1.5f);  // must not end the thread
   cache.prefetch("shoebox:6x3x4", {2, 0, 1}, 1.2f);
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (cache.sources_built() == 0 && std::chrono::steady_clock::now() < deadline)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  EXPECT_TRUE(wait_until([&] { return cache.sources_built() > 0; }, 20));
   EXPECT_EQ(cache.sources_built(), 1u);
   cache.source("shoebox:6x3x4", {2, 0, 1}, 1.2f);
   EXPECT_EQ(cache.sources_built(), 1u);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/base/file_lock.h"
+#include "tests/support/wait_until.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -48,7 +49,7 @@ TEST_F(FileLockTest, AKilledHolderHoldsNothing) {
     ::pause();
     ::_exit(0);
   }
-  while (!std::filesystem::exists(folder_ / "held")) ::usleep(1000);
+  ASSERT_TRUE(wait_until([&] { return std::filesystem::exists(folder_ / "held"); }, 60, {&child, 1}));
   EXPECT_FALSE(FileLock::acquire(path_, milliseconds(10)));
   ::kill(child, SIGKILL);
   ::waitpid(child, nullptr, 0);

@@ -9,7 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/kept_results.h"
 #include "sim/base/random.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {

@@ -19,7 +19,7 @@
 #include "sim/base/random.h"
 #include "tests/support/error_message.h"
 #include "tests/support/seconds_since.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/checkpoint/run_claim.h"
 
@@ -134,7 +134,7 @@ TEST_P(RunLockOf, OneOfManyThatComeAtOnce) {
     held_[1] = held_[2] = held_[3] = 0;
     WorkerProcesses many(kMany, [&](int) {
       ++held_[3];
-      while (held_[3] < kMany) std::this_thread::yield();
+      if (!wait_until([&] { return held_[3] >= kMany; })) return false;
       try {
         const auto lock = RunLock::acquire(run(), "earshot train", options());
         if (++held_[1] != 1) return false;  // two at a time

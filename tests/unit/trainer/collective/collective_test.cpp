@@ -270,7 +270,7 @@ TEST(Collective, KilledWorkerIsNamedWithinSeconds) {
                  {"worker 1"}) &&
              seconds_since(start) < 10;
     });
-    while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    ASSERT_TRUE(workers.wait_until([&] { return ready[0] >= 3; }));
     std::this_thread::sleep_for(std::chrono::milliseconds(150));
     ::kill(workers.pid(1), SIGKILL);
     const auto killed = Clock::now();
@@ -295,7 +295,7 @@ TEST(Collective, StoppedWorkerIsNamedAfterFourHeartbeats) {
         },
         {"worker 1"});
   });
-  while (ready[0] < 3) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  ASSERT_TRUE(workers.wait_until([&] { return ready[0] >= 3; }));
   ::kill(workers.pid(1), SIGSTOP);
   const auto stopped = Clock::now();
   EXPECT_EQ(workers.wait(0), 0);

@@ -15,6 +15,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/seconds_since.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/curve_ring.h"
 #include "tests/support/workers/host_namespaces.h"
 #include "trainer/collective/zmq_ring.h"
@@ -96,7 +97,7 @@ class LostWorkers : public testing::Test {
                             collective->members() == std::vector<int>({0, 2, 3});
       return rank != kVictim && expected;
     });
-    while (state[0] < 10) std::this_thread::sleep_for(milliseconds(2));
+    ASSERT_TRUE(workers.wait_until([&] { return state[0] >= 10; }));
     const double event_at = seconds_since(start);
     event(workers.pid(kVictim));
     for (const int rank : {0, 2, 3}) {
@@ -144,7 +145,7 @@ TEST_F(LostWorkers, AStoppedOneThatWakesIsToldAtOnce) {
     }
     return rank != 1 && summing.right;
   });
-  while (state[0] < 20) std::this_thread::sleep_for(milliseconds(5));
+  ASSERT_TRUE(workers.wait_until([&] { return state[0] >= 20; }));
   ::kill(workers.pid(1), SIGCONT);
   const auto woken = Clock::now();
   EXPECT_EQ(workers.wait(1), 0);
@@ -192,10 +193,7 @@ TEST_F(LostWorkers, WaitingOnesAreCounted) {
     const auto collective = make_zmq_ring(lasting_ring(ring_in(folder_, rank, 4)));
     const auto all_come_to = [&](std::size_t others) {
       if (rank == 0 && collective->num_waiting() > static_cast<int>(others)) return false;
-      for (int tries = 0; rank == 0 && collective->num_waiting() < static_cast<int>(others); ++tries) {
-        if (tries > 2000) return false;
-        std::this_thread::sleep_for(milliseconds(5));
-      }
+      if (rank == 0 && !wait_until([&] { return collective->num_waiting() >= static_cast<int>(others); }, 20)) return false;
       return collective->all_gather(std::to_string(rank)).size() == others + 1;
     };
     for (int call = 0; call < 5; ++call)
@@ -206,7 +204,7 @@ TEST_F(LostWorkers, WaitingOnesAreCounted) {
     while (summing.changes == 0) summing.sum_once();
     return all_come_to(2) && all_come_to(2);
   });
-  while (ready[0] < 4) std::this_thread::sleep_for(milliseconds(2));
+  ASSERT_TRUE(workers.wait_until([&] { return ready[0] >= 4; }));
   ::kill(workers.pid(3), SIGKILL);
   for (const int rank : {0, 1, 2}) EXPECT_EQ(workers.wait(rank), 0) << rank;
 }
@@ -309,7 +307,7 @@ TEST_F(LostWorkers, TwoAtOnceAndOneAfterTheOther) {
       std::ranges::sort(summing.lost);
       return summing.right && summing.lost == std::vector<int>({0, 3, 5}) && collective->members() == std::vector<int>({1, 2, 4, 6, 7});
     });
-    while (sums[0] < 5) std::this_thread::sleep_for(milliseconds(2));
+    ASSERT_TRUE(workers.wait_until([&] { return sums[0] >= 5; }));
     for (const int victim : {3, 0, 5}) {
       ::kill(workers.pid(victim), SIGKILL);
       std::this_thread::sleep_for(milliseconds(pause_ms));
@@ -334,7 +332,7 @@ TEST_F(LostWorkers, OfTwoOnlyTheFirstGoesOn) {
       }
       return rank == 0 && summing.right && collective->identity().world_size == 1;
     });
-    while (ready[0] < 2) std::this_thread::sleep_for(milliseconds(2));
+    ASSERT_TRUE(workers.wait_until([&] { return ready[0] >= 2; }));
     ::kill(workers.pid(victim), SIGKILL);
     EXPECT_EQ(workers.wait(1 - victim), 0);
   }

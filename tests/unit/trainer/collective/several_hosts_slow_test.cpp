@@ -34,6 +34,7 @@ TEST_P(SeveralHostsSpeed, SharedMemoryOnEachHostIsFasterThanTheRing) {
   const std::filesystem::path keys = folder.path() / "keys";
   write_curve_keys(keys, make_curve_keys());
   SharedArray<double, 2 * kRounds> ms;  // of rank 0
+  const int port = free_ports(2);
   WorkerProcesses workers(kWorld, [&](int rank) {
     if (!hosts.enter(rank / 2)) return false;
     const auto connect = [&](int port, bool shared_memory) {
@@ -42,7 +43,7 @@ TEST_P(SeveralHostsSpeed, SharedMemoryOnEachHostIsFasterThanTheRing) {
       if (!GetParam()) config.network.curve_key_file.clear(), config.network.insecure = true;
       return std::make_unique<ZmqRing>(config);
     };
-    const auto ring = connect(29450, false), hierarchy = connect(29451, true);
+    const auto ring = connect(port, false), hierarchy = connect(port + 1, true);
     std::vector<float> buffer(kGradient);
     std::uint64_t hashes[2] = {};
     for (std::size_t round = 0; round < 2 * kRounds; ++round) {

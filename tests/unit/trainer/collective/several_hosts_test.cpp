@@ -185,7 +185,7 @@ class Lost : public SeveralHosts {
         return std::string(error.what()).find(expected) != std::string::npos;
       }
     });
-    while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
+    ASSERT_TRUE(workers.wait_until([&] { return rounds[0] >= 3; }));
     event(workers);
     const auto start = Clock::now();
     EXPECT_EQ(workers.wait(0), 0);
@@ -212,7 +212,7 @@ class Lost : public SeveralHosts {
         return collective.shares_memory_per_host() && std::string(error.what()).find(named) != std::string::npos;
       }
     });
-    while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
+    ASSERT_TRUE(workers.wait_until([&] { return rounds[0] >= 3; }));
     loss(workers);
     const auto start = Clock::now();
     for (const int rank : left) EXPECT_EQ(workers.wait(rank), 0) << rank << " names " << named;

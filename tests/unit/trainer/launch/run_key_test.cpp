@@ -14,6 +14,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/error_message.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/collective.h"
 #include "trainer/launch/launcher_job.h"
@@ -66,8 +67,7 @@ TEST_F(RunKeyOf, ManyThatComeAtOnceAgree) {
       const RunKey key("run", "tcp://[::1]:" + std::to_string(round + 1));
       read_curve_keys(key.file()).public_key.copy(&seen[static_cast<std::size_t>(rank) * 64], 40);
       ++ready_workers[0];
-      while (ready_workers[0] < 8) std::this_thread::yield();
-      return true;
+      return wait_until([&] { return ready_workers[0] >= 8; }, 30);
     });
     workers.expect_all_succeed();
     for (std::size_t rank = 1; rank < 8; ++rank)

@@ -18,7 +18,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/exit_codes.h"
 #include "tests/support/seconds_since.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/worker_processes.h"
 
 namespace earshot {
@@ -62,9 +62,8 @@ TEST(WorkerGroupCopy, Acts) {
   if (role == "fail") {  // rank 1 fails, the others would stay
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
     if (rank != 1) ::pause();
-    while (!std::filesystem::exists(notes() / "pid0") || !std::filesystem::exists(notes() / "pid2"))
-      std::this_thread::sleep_for(milliseconds(5));
-    std::_Exit(5);
+    const auto has = [](const char* name) { return std::filesystem::exists(notes() / name); };
+    std::_Exit(wait_until([&] { return has("pid0") && has("pid2"); }, 60) ? 5 : 15);
   }
   if (role == "killed") {
     if (rank == 1) ::raise(SIGKILL);
@@ -83,10 +82,9 @@ TEST(WorkerGroupCopy, Acts) {
     const std::string line{std::istreambuf_iterator<char>(file), {}};
     const bool joins = line.find("--join") != std::string::npos;
     if (rank == 0) {
-      for (int tries = 0; tries < 4000 && !std::filesystem::exists(notes() / "third"); ++tries)
-        std::this_thread::sleep_for(milliseconds(5));
+      const bool has_third = wait_until([] { return std::filesystem::exists(notes() / "third"); }, 20);
       std::this_thread::sleep_for(milliseconds(300));
-      std::_Exit(!joins && std::filesystem::exists(notes() / "third") ? 0 : 12);
+      std::_Exit(!joins && has_third ? 0 : 12);
     }
     const bool first = !std::filesystem::exists(notes() / "first"), second = !first && !std::filesystem::exists(notes() / "second");
     if (joins == first) std::_Exit(13);
@@ -98,15 +96,14 @@ TEST(WorkerGroupCopy, Acts) {
     ::signal(SIGTERM, SIG_IGN);
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
     if (rank == 0) {
-      while (!std::filesystem::exists(notes() / "pid1")) std::this_thread::sleep_for(milliseconds(5));
-      std::_Exit(4);
+      std::_Exit(wait_until([] { return std::filesystem::exists(notes() / "pid1"); }, 60) ? 4 : 15);
     }
     while (true) ::pause();
   }
   if (role == "polite") {  // ends in order when asked to
     ::signal(SIGTERM, [](int) { caught = 1; });
     note("pid" + std::to_string(rank), std::to_string(::getpid()));
-    while (caught == 0) std::this_thread::sleep_for(milliseconds(5));
+    if (!wait_until([] { return caught != 0; }, 60)) std::_Exit(15);
     note("polite" + std::to_string(rank), "");
     std::_Exit(0);
   }
@@ -139,7 +136,7 @@ class WorkerGroup : public testing::Test {
   [[nodiscard]] std::string read(const std::string& name) const { return read_file(folder_.path() / name); }
   [[nodiscard]] pid_t pid(int rank) const { return std::stoi(read("pid" + std::to_string(rank))); }
   void wait_for(const std::string& name) const {
-    while (!exists(name)) std::this_thread::sleep_for(milliseconds(5));
+    EXPECT_TRUE(wait_until([&] { return exists(name); }, 60)) << name;
   }
   static bool is_running(pid_t pid) {  // a zombie is not
     std::ifstream file("/proc/" + std::to_string(pid) + "/stat");

@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -134,12 +135,14 @@ void flood(int port, const std::string& server_key, const std::atomic<bool>& ove
 }
 
 TEST_F(CurveLinks, UnknownPeersAreRefusedAndDisturbNoWorker) {
-  const int port = free_port(), first = 24100;  // below those that a system gives by itself
+  const int port = free_port();
+  const std::array<int, 2> first{free_ports(2), free_ports(2)};  // of each worker
   SharedArray<std::atomic<bool>, 1> over;
   SharedArray<std::atomic<std::uint64_t>, 2> refused, rounds;
   WorkerProcesses workers(2, [&](int rank) {
     RingConfig config = curve_ring("127.0.0.1", port, rank, 2, keys_);
-    config.network.port_range = std::to_string(first + 2 * rank) + "-" + std::to_string(first + 2 * rank + 1);
+    const int mine = first[static_cast<std::size_t>(rank)];
+    config.network.port_range = std::to_string(mine) + "-" + std::to_string(mine + 1);
     ZmqRing ring(config);
     double end = 0;
     while (end < 2) {
@@ -154,14 +157,14 @@ TEST_F(CurveLinks, UnknownPeersAreRefusedAndDisturbNoWorker) {
     refused[static_cast<std::size_t>(rank)] = ring.unknown_peers();
     return true;
   });
-  while (rounds[0] < 3) std::this_thread::sleep_for(milliseconds(5));
+  ASSERT_TRUE(workers.wait_until([&] { return rounds[0] >= 3; }));
   {
     const std::string key = read_curve_keys(keys_).public_key;
     std::vector<std::thread> floods;
     std::atomic<bool> enough{false};
-    for (int i = 0; i < 4; ++i) floods.emplace_back([&, i] { flood(first + i, key, enough); });
+    for (int i = 0; i < 4; ++i) floods.emplace_back([&, i] { flood(first[static_cast<std::size_t>(i / 2)] + i % 2, key, enough); });
     const std::uint64_t before = rounds[0];
-    while (rounds[0] < before + 20) std::this_thread::sleep_for(milliseconds(5));  // the run goes on meanwhile
+    EXPECT_TRUE(workers.wait_until([&] { return rounds[0] >= before + 20; }));  // the run goes on meanwhile
     std::this_thread::sleep_for(milliseconds(500));
     enough = true;
     for (auto& thread : floods) thread.join();

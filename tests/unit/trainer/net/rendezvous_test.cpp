@@ -12,6 +12,7 @@
 
 #include "sim/base/errors.h"
 #include "tests/support/error_message.h"
+#include "tests/support/wait_until.h"
 #include "tests/support/workers/worker_processes.h"
 #include "trainer/collective/zmq_ring.h"
 #include "trainer/net/wire.h"
@@ -51,14 +52,14 @@ TEST(Rendezvous, UnknownPeersAreToldWhyAndDisturbNoWorker) {
   const std::string address = ring_in(folder, 0, 3).rendezvous;
   SharedArray<std::atomic<bool>, 1> late_may_come;
   WorkerProcesses workers(3, [&](int rank) {
-    while (rank == 2 && !late_may_come[0]) std::this_thread::sleep_for(milliseconds(5));
+    if (rank == 2 && !wait_for_flag(late_may_come[0])) return false;
     const auto ring = make_zmq_ring(ring_in(folder, rank, 3));
     std::vector<float> buffer(100000, static_cast<float>(rank));
     ring->all_reduce_sum(buffer);
     return buffer[7] == 3.0f;
   });
-  while (!std::filesystem::exists(folder.path() / "meet") || !std::filesystem::exists(folder.path() / "meet.1.bulk"))
-    std::this_thread::sleep_for(milliseconds(5));
+  const auto has = [&](const char* name) { return std::filesystem::exists(folder.path() / name); };
+  ASSERT_TRUE(workers.wait_until([&] { return has("meet") && has("meet.1.bulk"); }));
   std::this_thread::sleep_for(milliseconds(100));  // worker 1 has said hello
 
   Hello hello{kWireVersion, "test-run", 2, 3, address + ".2.control", address + ".2.bulk", ""};
@@ -102,8 +103,8 @@ TEST(Rendezvous, UnknownPeersOnTheDataPortsAreCountedAndIgnored) {
     unknown_peers[static_cast<std::size_t>(rank)] = ring.unknown_peers();
     return true;
   });
-  while (!std::filesystem::exists(folder.path() / "meet.1.bulk") || !std::filesystem::exists(folder.path() / "meet.0.bulk"))
-    std::this_thread::sleep_for(milliseconds(5));
+  const auto has = [&](const char* name) { return std::filesystem::exists(folder.path() / name); };
+  ASSERT_TRUE(workers.wait_until([&] { return has("meet.0.bulk") && has("meet.1.bulk"); }));
   std::this_thread::sleep_for(milliseconds(50));
   {
     zmq::context_t context;

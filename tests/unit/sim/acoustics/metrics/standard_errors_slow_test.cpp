@@ -43,7 +43,7 @@ struct Coverage {
     ASSERT_GT(count, 0) << name;
     const double ratio = std::sqrt(squares / stated);
     std::printf("%-12s %d of %d values within twice the error, spread over error %.2f\n", name, covered, count, ratio);
-    EXPECT_GE(covered, 0.9 * count) << name;
+    EXPECT_GE(covered, 0.9 * count) << name;  // 95 % expected; 224 independent values tell it to 1.5 points
     // Student's factor for eight repetitions is 1.2: the spread is 0.83 of the stated error where all is right.
     // 32 values tell it to 13 %; an error that is off by 1.6 gives 0.52 or 1.33.
     EXPECT_GT(ratio, 0.6) << name;

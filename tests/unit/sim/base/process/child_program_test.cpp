@@ -16,7 +16,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/file_descriptor.h"
-#include "tests/support/wait_for_flag.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {

@@ -17,6 +17,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/temporary_folder.h"
 #include "tests/support/programs/isolated_calls.h"
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {
@@ -132,10 +133,8 @@ TEST(IsolatedCall, EndsWithTheRun) {
     }
     return pid_t{0};
   };
-  const auto deadline = Clock::now() + std::chrono::seconds(20);
   pid_t child = 0;
-  while ((child = child_of(run)) == 0 && Clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  if (child == 0) {
+  if (!wait_until([&] { return (child = child_of(run)) != 0; }, 20, {&run, 1})) {
     ::kill(run, SIGKILL);
     ::waitpid(run, nullptr, 0);
     FAIL() << "the call started no process within 20 s";
@@ -148,8 +147,7 @@ TEST(IsolatedCall, EndsWithTheRun) {
     std::string number, name, state;
     return static_cast<bool>(status >> number >> name >> state) && state != "Z";
   };
-  while (is_there() && Clock::now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  EXPECT_FALSE(is_there());
+  EXPECT_TRUE(wait_until([&] { return !is_there(); }, 20));
 }
 
 // The dynamic loader exits with 127 when a library is missing: the file is not to blame.
