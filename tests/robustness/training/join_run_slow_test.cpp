@@ -63,9 +63,7 @@ class JoinRun : public TrainingRun {
     });
     return train(config, collective, start.run);
   }
-  void wait_for(const std::function<bool()>& condition) {
-    EXPECT_TRUE(wait_until(condition, 60));
-  }
+  void wait_for(const std::function<bool()>& condition) { EXPECT_TRUE(wait_until(condition, 60)); }
   void wait_for_updates(const std::vector<int>& ranks, int world, int updates) {
     for (const int rank : ranks) wait_for([&] { return shared().world[rank] == world; });
     for (const int rank : ranks) {

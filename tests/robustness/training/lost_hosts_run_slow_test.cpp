@@ -70,9 +70,7 @@ class LostHostsRun : public TrainingRun {
     });
     return train(config, collective, {});
   }
-  void wait_for(const std::function<bool()>& condition) {
-    EXPECT_TRUE(wait_until(condition, 60));
-  }
+  void wait_for(const std::function<bool()>& condition) { EXPECT_TRUE(wait_until(condition, 60)); }
   /// All of these train, as so many.
   void wait_for_updates(const std::vector<int>& ranks) {
     for (const int rank : ranks) wait_for([&] { return shared().world[rank] == static_cast<int>(ranks.size()); });

@@ -53,9 +53,7 @@ class BackgroundProgram {
     }
     return -1;
   }
-  [[nodiscard]] bool is_running() const {
-    return pid_ > 0 && !has_ended(pid_);
-  }
+  [[nodiscard]] bool is_running() const { return pid_ > 0 && !has_ended(pid_); }
   [[nodiscard]] std::string text() const { return read_file(output_); }
 
   /// Waits until it has written this; false if that takes too long or it ends before.

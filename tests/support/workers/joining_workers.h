@@ -82,9 +82,7 @@ class JoiningWorkers : public testing::Test {
  protected:
   static constexpr unsigned kAlarm_s = 240;  ///< several losses and joins in turn, on a loaded machine
   SharedRounds& shared() { return shared_[0]; }
-  void wait_for(const std::function<bool()>& condition) {
-    EXPECT_TRUE(wait_until(condition, 60));
-  }
+  void wait_for(const std::function<bool()>& condition) { EXPECT_TRUE(wait_until(condition, 60)); }
   /// All of these have a view of so many workers, and make three more rounds with it.
   void wait_for_rounds(const std::vector<int>& ranks, int world_size) {
     for (const int rank : ranks) wait_for([&] { return shared().in_view[rank] == world_size; });

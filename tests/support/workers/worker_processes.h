@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "sim/base/temporary_folder.h"
-#include "trainer/collective/collective.h"
 #include "tests/support/wait_until.h"
+#include "trainer/collective/collective.h"
 
 namespace earshot {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of a batch by EGL, on Mesa's software device; skipped without it.
+// Pictures of a batch by EGL, on Mesa's software device or EARSHOT_TEST_EGL_DEVICE; skipped without it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,6 +13,7 @@
 #include "envs/sensors/sensor_rows.h"
 #include "sim/base/errors.h"
 #include "sim/vision/egl_renderer.h"
+#include "tests/support/envs/tested_egl_device.h"
 #include "tests/support/envs/vector_semantics.h"
 
 namespace earshot {
@@ -27,13 +28,13 @@ class EglEnv : public VectorSemantics {
  protected:
   void SetUp() override {
     try {
-      const EglRenderer renderer({.device = "software"});
+      const EglRenderer renderer({.device = tested_egl_device()});
     } catch (const InputError&) {
-      GTEST_SKIP() << "this machine has no software device of EGL";
+      GTEST_SKIP() << "this machine has no such device of EGL";
     }
     embree_ = config_;
     config_.observation.renderer = Renderer::egl;
-    config_.observation.egl_device = "software";
+    config_.observation.egl_device = tested_egl_device();
   }
   EnvConfig embree_;
 };

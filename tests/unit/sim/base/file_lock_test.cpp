@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/base/file_lock.h"
-#include "tests/support/wait_until.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -10,6 +9,8 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+
+#include "tests/support/wait_until.h"
 
 namespace earshot {
 namespace {
