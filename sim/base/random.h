@@ -37,6 +37,7 @@ enum class Purpose : std::uint32_t {
   actuation_noise = 25,
   bootstrap = 26,
   oracle_episode = 27,
+  source_sphere = 28,
 };
 
 /// Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3).

@@ -66,6 +66,9 @@ void read_parts(ConfigReader& reader, AcousticConfig& config) {
 }
 
 void read_early(ConfigReader& reader, AcousticConfig& config) {
+  reader.read("direct_rays", config.direct_rays, Allowed::between(0, 4096),
+              "Points of a source with a radius whose sight from the listener decides its direct sound. 0 or 1: its centre alone. No "
+              "effect on point sources.");
   reader.read("early_order", config.early_order, Allowed::between(0, 4).because("the number of image paths grows exponentially with it"),
               "Largest number of specular reflections of an image path.");
   reader.read("early_candidate_rays", config.early_candidate_rays, Allowed::between(0, 10'000'000),

@@ -17,6 +17,9 @@ struct AcousticConfig {
   // which parts
   Switch direct = Switch::automatic, early = Switch::automatic, late = Switch::automatic, air_absorption = Switch::automatic;
   Switch diffraction = Switch::automatic, transmission = Switch::automatic;
+  /// Points of a source with a radius that are looked for from the listener (sphere_arrivals.h), [0, 4096]; 0 or 1: its centre alone.
+  /// No part of a point source.
+  int direct_rays = 64;
   // early reflections
   int early_order = 2;              ///< image paths up to this many specular reflections, [0, 4]
   int early_candidate_rays = 2000;  ///< rays traced once per source to find plane sequences

@@ -17,7 +17,8 @@ struct SoundSource {
   glm::vec3 position;
   std::shared_ptr<const Directivity> directivity = nullptr;  ///< null: omnidirectional
   glm::quat orientation{1, 0, 0, 0};                         ///< own axes to world; unit
-  /// Sphere over whose volume the source is spread for the late field; 0: a point.  Direct sound and image paths stay those of its centre.
+  /// Sphere over whose volume the source is spread for the late field; 0: a point.  Direct sound and what goes round edges or straight
+  /// through walls is that of its visible and hidden parts (sphere_arrivals.h).  Image paths stay those of its centre.
   float radius_m = 0;
 };
 

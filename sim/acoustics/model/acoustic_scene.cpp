@@ -48,6 +48,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
   if (c.diffraction_reflections > 0) append_bytes(bytes, c.diffraction_reflections);
+  if (c.direct_rays != AcousticConfig{}.direct_rays) append_bytes(bytes, c.direct_rays);
   return hash64(bytes);
 }
 

@@ -104,15 +104,16 @@ bool before_in_space(glm::vec3 a, glm::vec3 b) { return std::tie(a.x, a.y, a.z) 
 /// Search for the paths to one listener.
 class DiffractionCandidates::Search {
  public:
-  /// `arrivals`: the paths found before, to which those over edges are added.
-  Search(const DiffractionCandidates& candidates, const AcousticScene& scene, glm::vec3 listener, bool in_sight,
+  /// source: that of the candidates, or a point near it.  `arrivals`: the paths found before, to which those over edges are added.
+  Search(const DiffractionCandidates& candidates, const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, bool in_sight,
          std::vector<Arrival>& arrivals)
       : candidates_(candidates),
         scene_(scene),
         edges_(*scene.diffraction_edges()),
+        source_(source),
         listener_(listener),
         in_sight_(in_sight),
-        swapped_(before_in_space(listener, candidates.source_)),
+        swapped_(before_in_space(listener, source)),
         arrivals_(arrivals),
         first_(arrivals.size()),
         limit_(static_cast<std::size_t>(candidates.budget_.paths)) {}
@@ -174,7 +175,7 @@ class DiffractionCandidates::Search {
   const DiffractionCandidates& candidates_;
   const AcousticScene& scene_;
   const DiffractionEdges& edges_;
-  glm::vec3 listener_;
+  glm::vec3 source_, listener_;
   bool in_sight_;
   bool swapped_;  ///< paths are worked out from the listener
   std::vector<Arrival>& arrivals_;
@@ -219,8 +220,13 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
 
 int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight,
                                          std::vector<Arrival>& arrivals) const {
+  return find_arrivals_from(scene, source_, listener, in_sight, arrivals);
+}
+
+int DiffractionCandidates::find_arrivals_from(const AcousticScene& scene, glm::vec3 point, glm::vec3 listener, bool in_sight,
+                                              std::vector<Arrival>& arrivals) const {
   if (candidates_.empty()) return 0;
-  return Search(*this, scene, listener, in_sight, arrivals).find_arrivals();
+  return Search(*this, scene, point, listener, in_sight, arrivals).find_arrivals();
 }
 
 int DiffractionCandidates::Search::find_arrivals() {
@@ -240,7 +246,7 @@ int DiffractionCandidates::Search::find_arrivals() {
   insert_sorted(first_, first_, before, arrivals_);
   auto count = static_cast<int>(arrivals_.size() - first_);
   if (in_sight_) add_waves_to_paths();
-  cap_at_free_field(scene_.num_bands(), glm::dvec3(candidates_.source_), glm::dvec3(listener_), std::span(arrivals_).subspan(first_));
+  cap_at_free_field(scene_.num_bands(), glm::dvec3(source_), glm::dvec3(listener_), std::span(arrivals_).subspan(first_));
   if (num_base_ > 0) count += add_reflections();
   const auto earlier = [](const Arrival& a, const Arrival& b) { return a.distance_m < b.distance_m; };
   insert_sorted(0, first_, earlier, arrivals_);
@@ -281,7 +287,7 @@ bool DiffractionCandidates::Search::sees_last_edge(const Group& group) const {
 }
 
 bool DiffractionCandidates::Search::near_boundary(const DiffractionEdge& edge) const {
-  const glm::dvec3 from(candidates_.source_), to(listener_);
+  const glm::dvec3 from(source_), to(listener_);
   const glm::dvec3 point = edge.at(std::clamp(fermat_point(edge, from, to), 0.0, edge.length_m));
   const double most_m =
       glm::length(point - from) + glm::length(to - point) - 0.5 * scene_.speed_of_sound_m_per_s() / scene_.bands().centre_hz.front();
@@ -326,7 +332,7 @@ bool DiffractionCandidates::Search::may_exceed(double weakest_db, const EdgeCand
 
 bool DiffractionCandidates::Search::find_shortest_path(EdgeSequence sequence, EdgePath& path) const {
   if (swapped_) std::reverse(sequence.edge.begin(), sequence.edge.begin() + sequence.order);
-  const glm::dvec3 from(swapped_ ? listener_ : candidates_.source_), to(swapped_ ? candidates_.source_ : listener_);
+  const glm::dvec3 from(swapped_ ? listener_ : source_), to(swapped_ ? source_ : listener_);
   return shortest_path(edges_, sequence, from, to, path) && !(path.distance_m() > scene_.max_path_m());
 }
 
@@ -354,11 +360,11 @@ void DiffractionCandidates::Search::describe(const EdgeCandidate& candidate, con
   const glm::dvec3 near_source = swapped_ ? path.point[order - 1] : path.point[0];
   const glm::dvec3 near_listener = swapped_ ? path.point[0] : path.point[order - 1];
   arrival.direction = unit_or(near_listener - glm::dvec3(listener_), {0, 0, -1});
-  arrival.departure = unit_or(near_source - glm::dvec3(candidates_.source_), {0, 0, 1});
+  arrival.departure = unit_or(near_source - glm::dvec3(source_), {0, 0, 1});
 }
 
 std::array<TermBoundary, 3> DiffractionCandidates::Search::find_boundaries(const DiffractionEdge& edge, const FiniteWedge& wedge) const {
-  const glm::dvec3 source(candidates_.source_), listener(listener_);
+  const glm::dvec3 source(source_), listener(listener_);
   std::array<TermBoundary, 3> boundaries;
   boundaries[0] = {wedge.detour_m(0), index_of(source, 0, listener_, paths())};
   if (edge.exterior_rad >= kBluntRad) {
@@ -480,7 +486,7 @@ void DiffractionCandidates::Search::add_waves_to_paths() {
 int DiffractionCandidates::Search::add_reflections() {
   std::array<EdgeSequence, EdgeReflections::kSequences> sequences;
   for (std::size_t i = 0; i < num_base_; ++i) sequences[i] = base_[i].candidate->sequence;
-  EdgeReflections reflections(scene_, candidates_.bands_, candidates_.source_, listener_, paths(),
+  EdgeReflections reflections(scene_, candidates_.bands_, source_, listener_, paths(),
                               in_sight_ ? std::span<const double>(sight_ends_) : std::span<const double>());
   int count = 0;
   for (const Arrival& arrival : reflections.find(std::span(sequences).first(num_base_))) {

@@ -44,6 +44,9 @@ class DiffractionCandidates {
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// The same, with a ray of its own for the line of sight.
   int find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+  /// The same from another point near the source, by the sequences that were found from the source.
+  int find_arrivals_from(const AcousticScene& scene, glm::vec3 point, glm::vec3 listener, bool in_sight,
+                         std::vector<Arrival>& arrivals) const;
 
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
   /// Bands of the scene as edges use them; empty without edges.

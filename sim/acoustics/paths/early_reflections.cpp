@@ -321,6 +321,23 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   return set_amplitude(scene, distance_m, path.energy_fraction, arrival);
 }
 
+bool EarlyCandidates::set_direct(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, Arrival& direct) {
+  if (scene.config().direct == Switch::off) return false;
+  const glm::dvec3 toward = glm::dvec3(source) - glm::dvec3(listener);
+  const double true_distance_m = glm::length(toward);
+  const double distance_m = std::max(true_distance_m, double{kMinDistanceM});
+  if (distance_m > scene.max_path_m()) return false;
+  direct = Arrival{};
+  direct.identity = path_identity(direct.kind, {});
+  direct.distance_m = static_cast<float>(distance_m);
+  direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
+  direct.departure = -direct.direction;
+  std::array<double, kMaxBands> whole;
+  whole.fill(1.0);
+  set_amplitude(scene, distance_m, whole, direct);
+  return true;
+}
+
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
   find_arrivals(scene, listener, in_line_of_sight(scene, source(), listener), arrivals);
 }
@@ -332,23 +349,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
 void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
                                     std::vector<Arrival>* scattered) const {
   const std::size_t first = arrivals.size();
-  const AcousticConfig& config = scene.config();
-
-  if (in_sight && config.direct != Switch::off) {
-    const glm::dvec3 toward = glm::dvec3(source()) - glm::dvec3(listener);
-    const double true_distance_m = glm::length(toward);
-    const double distance_m = std::max(true_distance_m, double{kMinDistanceM});
-    if (distance_m <= scene.max_path_m()) {
-      Arrival& direct = arrivals.emplace_back();
-      direct.identity = path_identity(direct.kind, {});
-      direct.distance_m = static_cast<float>(distance_m);
-      direct.direction = true_distance_m > 0 ? glm::vec3(toward / true_distance_m) : glm::vec3(0, 0, -1);
-      direct.departure = -direct.direction;
-      std::array<double, kMaxBands> whole;
-      whole.fill(1.0);
-      set_amplitude(scene, distance_m, whole, direct);
-    }
-  }
+  if (Arrival direct; in_sight && set_direct(scene, source(), listener, direct)) arrivals.push_back(direct);
 
   const std::size_t first_image = arrivals.size();
   std::size_t first_by_folds = 0;  // an image by folds and one by planes may be the same and share its energy

@@ -43,6 +43,8 @@ class EarlyCandidates {
                      std::vector<Arrival>* scattered) const;
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+  /// Direct sound of a point in sight, without its emission.  False where it comes after config.rir_length_s, or direct sound is off.
+  static bool set_direct(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, Arrival& direct);
   /// Is this plane sequence, in the order from the source, among the candidates?  Then image paths carry its specular energy.
   [[nodiscard]] bool contains(std::span<const std::uint32_t> planes) const;
   [[nodiscard]] glm::vec3 source() const { return source_.position; }

@@ -11,6 +11,7 @@
 
 #include "sim/acoustics/paths/transmission.h"
 #include "sim/acoustics/response/scattered_energy.h"
+#include "sim/acoustics/response/sphere_arrivals.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
@@ -38,6 +39,27 @@ bool panels_matter(const EnergyResponse& response) {
   });
 }
 
+/// All arrivals, without the source's emission.  Returns what was found.
+PoseEffects find_paths_of_point(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
+                                EnergyResponse& response) {
+  PoseEffects effects = decide_pose_effects(scene, candidates, listener);
+  candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals, &response.scattered);
+  if (effects.diffraction) {
+    const bool panels = panels_matter(response);
+    effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0 || panels;
+  }
+  if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
+  return effects;
+}
+PoseEffects find_paths_of_sphere(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
+                                 EnergyResponse& response) {
+  candidates.find_arrivals(scene, listener, false, response.arrivals, &response.scattered);
+  const bool panels = panels_matter(response);
+  PoseEffects effects = find_sphere_arrivals(scene, candidates, listener, response.arrivals);
+  effects.diffraction = effects.diffraction || (panels && candidates.diffraction().size() > 0);
+  return effects;
+}
+
 }  // namespace
 
 void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response,
@@ -53,14 +75,10 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
                      "is not a valid position in a scene", "give three finite numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
   response.arrivals.clear();
-  PoseEffects effects = decide_pose_effects(scene, candidates, listener);
   response.scattered.clear();
-  candidates.find_arrivals(scene, listener, effects.in_sight, response.arrivals, &response.scattered);
-  if (effects.diffraction) {
-    const bool panels = panels_matter(response);
-    effects.diffraction = candidates.diffraction().find_arrivals(scene, listener, effects.in_sight, response.arrivals) > 0 || panels;
-  }
-  if (effects.transmission) find_transmitted_behind_walls(scene, candidates.source(), listener, response.arrivals);
+  const PoseEffects effects = is_sphere(scene, candidates.sound_source(), listener)
+                                  ? find_paths_of_sphere(scene, candidates, listener, response)
+                                  : find_paths_of_point(scene, candidates, listener, response);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.arrivals);
   apply_emission(candidates.emission(), static_cast<std::size_t>(scene.num_bands()), response.scattered);
   const std::uint64_t nonfinite_arrivals = drop_nonfinite(static_cast<std::size_t>(scene.num_bands()), response.arrivals) +
