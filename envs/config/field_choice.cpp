@@ -23,7 +23,7 @@ constexpr double kFieldGain = 2;
 std::string why_unfit(const AcousticConfig& acoustics) {
   if (acoustics.late == Switch::off) return "late sound is off";
   if (acoustics.source_rays > 0) return "source_rays selects bidirectional tracing";
-  if (acoustics.specular_exponent > 0.f) return "specular_exponent selects lobes";
+  if (acoustics.specular_exponent != 0.f) return "specular_exponent selects lobes";
   if (acoustics.rays == 0) return "rays = 0 gives no late sound";
   return {};
 }

@@ -98,7 +98,7 @@ void AccuracySearch::both_ends(const AcousticConfig& early) {
 }
 
 void AccuracySearch::source_field(const AcousticConfig& early, float cell_m) {
-  if (early.specular_exponent > 0.f) return;
+  if (early.specular_exponent != 0.f) return;
   AcousticConfig config = early;
   config.field = Switch::on;
   config.source_rays = 0;

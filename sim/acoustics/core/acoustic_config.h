@@ -36,6 +36,7 @@ struct AcousticConfig {
   int source_rays = 0;      ///< > 0: bidirectional path tracing with this many rays from the source, unless field is on, [0, 2^20]
   int source_bounces = 10;  ///< of those, [1, 60]
   /// 0: specular reflections leave as from a mirror.  > 0: in a lobe of cos^n about it, normalised to keep all energy, [1, 1000].
+  /// -1 or `from_scattering`: all reflections leave in one lobe, whose exponent is 3 / s - 3 of the scattering s (lobe_shares.h).
   float specular_exponent = 0.f;
   float time_bin_s = 0.004f;  ///< (0, 0.1]
   int sh_order = 1;           ///< of the arrival directions, [0, 5]

@@ -42,7 +42,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
     append_bytes(bytes, value);
   }
   // Where nothing reads the radius any constant will do.
-  const bool has_volume = !c.diffuse_last_segment || c.source_rays > 0 || c.specular_exponent > 0.f;
+  const bool has_volume = !c.diffuse_last_segment || c.source_rays > 0 || c.specular_exponent != 0.f;
   for (const float value : {c.time_bin_s, c.rir_length_s, has_volume ? c.source_radius_m : 0.25f, c.scattering, c.sample_rate_hz,
                             c.diffraction_edge_m, c.specular_exponent, c.field_error, c.field_cell_m})
     append_bytes(bytes, value);

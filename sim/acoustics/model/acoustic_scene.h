@@ -50,7 +50,6 @@ class AcousticScene {
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return surfaces_.padded_reflectance(material); }
   [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return surfaces_.padded_scattering(material); }
   [[nodiscard]] bool transmits() const { return surfaces_.transmits(); }
-  [[nodiscard]] const SpecularLobe* specular_lobe() const { return surfaces_.specular_lobe(); }
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return surfaces_.diffraction_edges(); }
   [[nodiscard]] const PanelEdges* panel_edges() const { return surfaces_.panel_edges(); }
   [[nodiscard]] const FoldedPlanes& folds() const { return surfaces_.folds(); }

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "sim/acoustics/model/lobe_shares.h"
 #include "sim/acoustics/model/solid_bodies.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
@@ -68,8 +69,22 @@ void AcousticSurfaces::set_coefficients() {
       damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
     }
   }
-  if (config_.specular_exponent > 0.f) specular_lobe_ = std::make_shared<const SpecularLobe>(config_.specular_exponent);
+  make_lobes();
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
+}
+
+void AcousticSurfaces::make_lobes() {
+  if (config_.specular_exponent > 0.f)
+    specular_lobes_ = {std::make_shared<const SpecularLobe>(config_.specular_exponent)};
+  else if (config_.specular_exponent == kExponentFromScattering)
+    specular_lobes_.resize(kLobeLadder);
+  if (specular_lobes_.size() != kLobeLadder) return;
+  for (std::uint32_t slot = 0; slot < scene_->materials().size(); ++slot)
+    for (const float s : scattering(slot)) {
+      const LobeShares shares = shares_of_scattering(s);
+      for (std::size_t i = 0; i < kLobeLadder; ++i)
+        if (shares.lobe[i] > 0.f && !specular_lobes_[i]) specular_lobes_[i] = std::make_shared<const SpecularLobe>(kLadderExponents[i]);
+    }
 }
 
 void AcousticSurfaces::find_solids() {

@@ -62,8 +62,9 @@ class AcousticSurfaces {
   [[nodiscard]] int padded_bands() const { return stride_; }
   [[nodiscard]] const float* padded_reflectance(std::uint32_t material) const { return &reflectance_[std::size_t{material} * stride_]; }
   [[nodiscard]] const float* padded_scattering(std::uint32_t material) const { return &scattering_[std::size_t{material} * stride_]; }
-  /// Lobe of specular reflections; null for a mirror (config.specular_exponent = 0).
-  [[nodiscard]] const SpecularLobe* specular_lobe() const { return specular_lobe_.get(); }
+  /// Lobes of specular reflections: none for mirrors (config.specular_exponent = 0), one, or the ladder of lobe_shares.h, where a lobe that
+  /// no material uses is null.
+  [[nodiscard]] std::span<const std::shared_ptr<const SpecularLobe>> specular_lobes() const { return specular_lobes_; }
   /// Largest energy fraction of any specular reflection in any band: (1 - absorption)(1 - scattering).
   [[nodiscard]] float largest_specular_reflectance() const;
   /// Of all triangles, by area: [num_bands]; 0 in an empty scene.
@@ -88,6 +89,7 @@ class AcousticSurfaces {
     return {&table[std::size_t{material} * stride_], static_cast<std::size_t>(num_bands())};
   }
   void set_coefficients();
+  void make_lobes();
   void average_absorption();
   void find_solids();
   void join_edges_to_planes();
@@ -101,7 +103,7 @@ class AcousticSurfaces {
   std::vector<double> mean_absorption_;
   std::vector<std::uint8_t> solid_;  ///< by triangle; empty: none
   bool transmits_ = false;
-  std::shared_ptr<const SpecularLobe> specular_lobe_;
+  std::vector<std::shared_ptr<const SpecularLobe>> specular_lobes_;
   std::shared_ptr<const DiffractionEdges> diffraction_edges_;
   MirrorPlanes planes_;
   FoldedPlanes folds_;

@@ -180,12 +180,12 @@ class Planner {
   }
 
   void decide_early() {
-    const int order = config_.specular_exponent > 0.f ? 0 : config_.early_order;
+    const int order = config_.specular_exponent != 0.f ? 0 : config_.early_order;
     const double reflectance = surfaces_.largest_specular_reflectance();
     const bool matters = reflectance > kEffectBudgetFraction;
     if (config_.early == Switch::off || order == 0) {
       add("early", false, "off", kUserSet, early_ms(),
-          config_.specular_exponent > 0.f ? "specular reflections are lobes (specular_exponent)" : "");
+          config_.specular_exponent != 0.f ? "specular reflections are lobes (specular_exponent)" : "");
     } else if (config_.early == Switch::on || matters) {
       plan_.image_order = order;
       add("early", true, fmt::format("order {}", order),
@@ -276,7 +276,7 @@ class Planner {
   [[nodiscard]] std::string unfit_for_field() const {
     if (!plan_.late) return "late sound is off";
     if (config_.source_rays > 0 && config_.field != Switch::on) return "source_rays selects bidirectional tracing";
-    if (config_.specular_exponent > 0.f) return "specular_exponent selects lobes";
+    if (config_.specular_exponent != 0.f) return "specular_exponent selects lobes";
     return "";
   }
   [[nodiscard]] FieldCosts field_costs() const {

@@ -87,7 +87,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
   if (field != nullptr) {
     response.batches.clear();
     response.stats = field->gather(scene, listener, response.late);
-  } else if (scene.config().source_rays > 0 || scene.config().specular_exponent > 0.f) {
+  } else if (scene.config().source_rays > 0 || scene.config().specular_exponent != 0.f) {
     response.stats =
         trace_bidirectional(scene, candidates, listener, response.late, &response.batches, BidirectionalOptions{.progress = progress});
   } else {

@@ -40,7 +40,7 @@ struct BidirectionalOptions {
 /// the source and to one random vertex of one source path, each source vertex to the listener; weights by the balance heuristic over all
 /// strategies (mis_weight.h; docs/explanation/estimators.md, section 4).  What trace_late promises holds here too (units, what is left out,
 /// same bits for any number of threads), with these differences:
-///  - Specular reflections: a mirror, or with config.specular_exponent > 0 a lobe that connections see and image paths do not
+///  - Specular reflections: a mirror, or with config.specular_exponent a lobe that connections see and image paths do not
 ///  (specular_lobe.h).
 ///  - Transmission: where traces_transmission(scene), rays pass walls with a probability of the mean over bands of tau over what is kept.
 ///    The straight line through walls is left out (find_transmitted carries it).

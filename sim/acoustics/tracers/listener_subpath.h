@@ -27,7 +27,7 @@ struct SourceSubpaths {
 };
 
 template <int W>
-struct ListenerRay : BandEnergy<W> {
+struct ListenerRay : SubpathEnergy<W> {
   static constexpr int kMaxImageOrder = 4;
   std::array<float, kMaxCoefficients> sh;              // of the first direction: all that comes along this ray arrives from there
   std::array<std::uint32_t, kMaxImageOrder> planes{};  // of a path of mirrors only, listener first
@@ -250,8 +250,8 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
   ray.only_walls = ray.only_walls && leaving == Leaving::through;
   ray.only_mirrors = ray.only_mirrors && leaving == Leaving::mirror;
   if (ray.only_mirrors) {
-    const float *kept = shared.model.kept(material), *specular = shared.model.specular(material);
-    for (int b = 0; b < W; ++b) ray.image[b] *= kept[b] * specular[b];
+    const float *kept = shared.model.kept(material), *mirror = shared.model.mirror(material);
+    for (int b = 0; b < W; ++b) ray.image[b] *= kept[b] * mirror[b];
     const std::uint32_t plane = shared.scene.plane_of_triangle()[ray.hit.triangle];
     if (ray.num_planes < ListenerRay<W>::kMaxImageOrder) ray.planes[ray.num_planes++] = plane;
     if (shared.candidates.long_chains()) shared.candidates.long_chains()->extend(ray.long_chain, plane);

@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/core/band_sum.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/model/lobe_shares.h"
 #include "sim/acoustics/model/reflection_model.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/acoustics/model/wall_crossing.h"
@@ -19,7 +20,7 @@ namespace earshot {
 
 /// Energy of a subpath per band.  W: bands rounded up to whole vectors; lanes past the last band stay zero.
 template <int W>
-struct alignas(32) BandEnergy {
+struct alignas(32) SubpathEnergy {
   float arriving[W];   ///< before the surface
   float reflected[W];  ///< after it: arriving times what the surface keeps, all ways of leaving together
   /// Probability density of the path so far in each band over its mean over bands (hero wavelengths, Wilkie et al. 2014; listener_ray.h).
@@ -27,7 +28,7 @@ struct alignas(32) BandEnergy {
 };
 
 template <int W>
-void meet_surface(const ReflectionModel& model, std::uint32_t material, BandEnergy<W>& energy) {
+void meet_surface(const ReflectionModel& model, std::uint32_t material, SubpathEnergy<W>& energy) {
   const float* kept = model.kept(material);
   for (int b = 0; b < W; ++b) energy.reflected[b] = energy.arriving[b] * kept[b];
 }
@@ -38,10 +39,11 @@ void rough_value(const ReflectionModel& model, std::uint32_t material, glm::vec3
   constexpr float per_pi = std::numbers::inv_pi_v<float>;
   const float* diffuse = model.diffuse(material);
   for (int b = 0; b < W; ++b) value[b] = diffuse[b] * per_pi;
-  if (!model.glossy()) return;
-  const float lobe = model.specular_value(normal, in, out);
-  const float* specular = model.specular(material);
-  for (int b = 0; b < W; ++b) value[b] += specular[b] * lobe;
+  for (const ReflectionModel::Lobe& lobe : model.lobes(material)) {
+    const float lobe_value = lobe.lobe->value(normal, in, out);
+    const float* fraction = model.fraction(lobe);
+    for (int b = 0; b < W; ++b) value[b] += fraction[b] * lobe_value;
+  }
 }
 
 enum class Leaving {
@@ -58,7 +60,7 @@ struct Departure {
 
 /// Absorption inside a wall, beside tau, which the fractions of a material include.
 template <int W>
-void absorb_inside(const AcousticScene& scene, std::uint32_t material, const WallCrossing& crossing, BandEnergy<W>& energy) {
+void absorb_inside(const AcousticScene& scene, std::uint32_t material, const WallCrossing& crossing, SubpathEnergy<W>& energy) {
   alignas(32) std::array<float, W> passed;
   passed.fill(1.f);
   transmit(scene.surfaces(), crossing, std::span(passed).first(static_cast<std::size_t>(scene.num_bands())));
@@ -69,7 +71,7 @@ void absorb_inside(const AcousticScene& scene, std::uint32_t material, const Wal
 /// Draws how and where the subpath leaves.  On entry origin and direction are those of the segment that ended at `hit`; on return those of
 /// the next one; arriving and weight are those behind the event.  u: uniform in [0, 1).
 template <int W>
-Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::array<float, 4>& u, BandEnergy<W>& energy, glm::vec3& origin,
+Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::array<float, 4>& u, SubpathEnergy<W>& energy, glm::vec3& origin,
                         glm::vec3& direction) {
   const ReflectionModel& model = scene.reflection_model();
   const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
@@ -104,28 +106,55 @@ Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::a
   const bool diffuse = u[2] < through_probability + diffuse_probability;
   const glm::vec3 in = -direction;
   origin = offset_from_surface(hit.position, hit.normal);
-  if (!model.glossy()) {
+  const std::span<const ReflectionModel::Lobe> lobes = model.lobes(material);
+  if (lobes.empty()) {
     if (diffuse) {
       take(model.diffuse(material), diffuse_probability);
       direction = lambert_direction(hit.normal, u[0], u[1]);
       return {Leaving::rough, 0.f};
     }
-    take(model.specular(material), 1.f - through_probability - diffuse_probability);
+    take(model.mirror(material), 1.f - through_probability - diffuse_probability);
+    direction = mirror_direction(direction, hit.normal);
+    return {Leaving::mirror, 0.f};
+  }
+  // Which lobe?  Without a mirror the last one has all that is left.
+  std::array<float, kLobeLadder> lobe_probability;
+  const ReflectionModel::Lobe* chosen = diffuse ? nullptr : &lobes.back();
+  float left = std::max(1.f - through_probability - diffuse_probability, 0.f), behind = through_probability + diffuse_probability;
+  bool is_chosen = diffuse;
+  for (std::size_t i = 0; i < lobes.size(); ++i) {
+    const bool is_last = i + 1 == lobes.size() && !model.mirrors(material);
+    lobe_probability[i] = is_last ? left : std::min(probability_of(model.fraction(lobes[i])), left);
+    left -= lobe_probability[i];
+    behind += lobe_probability[i];
+    if (!is_chosen && (is_last || u[2] < behind)) chosen = &lobes[i], is_chosen = true;
+  }
+  if (!is_chosen) {
+    take(model.mirror(material), left);
     direction = mirror_direction(direction, hit.normal);
     return {Leaving::mirror, 0.f};
   }
   // One direction for the whole mixture, weighed by the density of the whole mixture (one-sample balance heuristic).
-  direction = diffuse ? lambert_direction(hit.normal, u[0], u[1]) : model.lobe().sample(hit.normal, in, u[0], u[1], u[3]);
+  direction = diffuse ? lambert_direction(hit.normal, u[0], u[1]) : chosen->lobe->sample(hit.normal, in, u[0], u[1], u[3]);
   const float cosine = std::max(glm::dot(hit.normal, direction), 0.f);
   const float lambert_pdf = cosine * std::numbers::inv_pi_v<float>;
-  const float lobe_pdf = model.lobe().pdf(hit.normal, in, direction), lobe_value = model.lobe().value(hit.normal, in, direction);
-  const float lobe_probability = std::max(1.f - through_probability - diffuse_probability, 0.f);
-  const float density = diffuse_probability * lambert_pdf + lobe_probability * lobe_pdf;
+  const float* diffuse_fraction = model.diffuse(material);
+  alignas(32) float value[W], pdf[W];
+  for (int b = 0; b < W; ++b) value[b] = pdf[b] = diffuse_fraction[b] * lambert_pdf;
+  float density = diffuse_probability * lambert_pdf;
+  for (std::size_t i = 0; i < lobes.size(); ++i) {
+    const float lobe_pdf = lobes[i].lobe->pdf(hit.normal, in, direction), lobe_value = lobes[i].lobe->value(hit.normal, in, direction);
+    const float* fraction = model.fraction(lobes[i]);
+    density += lobe_probability[i] * lobe_pdf;
+    for (int b = 0; b < W; ++b) {
+      value[b] += fraction[b] * lobe_value * cosine;
+      pdf[b] += fraction[b] * lobe_pdf;
+    }
+  }
   const float scale = density > 0.f ? 1.f / density : 0.f;
-  const float *diffuse_fraction = model.diffuse(material), *specular_fraction = model.specular(material);
   for (int b = 0; b < W; ++b) {
-    energy.arriving[b] = energy.reflected[b] * (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_value * cosine) * scale;
-    energy.weight[b] *= (diffuse_fraction[b] * lambert_pdf + specular_fraction[b] * lobe_pdf) * scale;
+    energy.arriving[b] = energy.reflected[b] * value[b] * scale;
+    energy.weight[b] *= pdf[b] * scale;
   }
   return {Leaving::rough, 0.f};
 }

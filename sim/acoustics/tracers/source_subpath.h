@@ -60,7 +60,7 @@ template <int W>
 void trace_source_subpath(const BidirectionalScene& shared, glm::vec3 direction, const RandomStream& random,
                           std::span<SourceVertex<W>> vertices, TraceStats& stats) {
   const AcousticScene& scene = shared.scene;
-  BandEnergy<W> energy;
+  SubpathEnergy<W> energy;
   for (int b = 0; b < W; ++b) energy.arriving[b] = energy.weight[b] = b < scene.num_bands() ? 1.f : 0.f;
   apply_emission(shared, direction, energy.arriving);
   glm::vec3 origin = shared.source;
