@@ -23,6 +23,7 @@
 #include "apps/sound/rir_json.h"
 #include "datasets/rir_corpus_response.h"
 #include "sim/acoustics/metrics/response_series.h"
+#include "sim/acoustics/response/late_edges.h"
 #include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -46,7 +47,7 @@ struct RirArguments {
   std::string out, metrics, plot;
   ParameterOptions parameters;
   double gain = 1;
-  bool components = false;
+  bool components = false, late_edges = false;
 };
 
 /// A part of a response: kinds of arrivals, and whether the late field is included.
@@ -152,6 +153,8 @@ class PairRenderer {
     request.lateral_axis = lateral_axis(candidates.source(), listener);
     const RoomMetrics energy = measure(planned, response, request);
     print(file, rir, response, energy, render_ms);
+    LateEdges edges;
+    if (options_.late_edges) print(edges = late_edges(planned, candidates.sound_source(), listener), energy);
     for (const std::string& warning : warnings_of(planned, candidates.source(), listener, response)) {
       print_warning(warning);
       warnings.push_back(warning);
@@ -181,6 +184,10 @@ class PairRenderer {
                  {"effects", effects_json(response, planned.config())},
                  {"warnings", warnings},
                  {"seed", planned.config().seed}});
+    if (options_.late_edges) {
+      OrderedJson& change_db = json["late_edges_db"] = OrderedJson::array();
+      for (const double db : edges.change_db()) change_db.push_back(number_or_null(std::isfinite(db) ? std::optional(db) : std::nullopt));
+    }
     return json;
   }
 
@@ -229,6 +236,13 @@ class PairRenderer {
       fmt::print("  {:>6.0f} Hz  RT60 {}  DRR {}\n", energy.bands_hz[b],
                  energy.bands[b].rt60_s ? fmt::format("{:.3f} s", *energy.bands[b].rt60_s) : "-",
                  energy.bands[b].drr_db ? fmt::format("{:.2f} dB", *energy.bands[b].drr_db) : "-");
+  }
+
+  static void print(const LateEdges& edges, const RoomMetrics& energy) {
+    const std::vector<double> change_db = edges.change_db();
+    for (std::size_t b = 0; b < change_db.size() && b < energy.bands_hz.size(); ++b)
+      fmt::print("  {:>6.0f} Hz  late sound round edges: at most {}\n", energy.bands_hz[b],
+                 std::isfinite(change_db[b]) ? fmt::format("{:.2f} dB more", change_db[b]) : "all there is");
   }
 
   const RirArguments& options_;
@@ -383,6 +397,8 @@ void add_rir(CLI::App& app) {
   command->add_flag(
       "--components", options->components,
       "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, whose sum is the response");
+  command->add_flag("--late-edges", options->late_edges,
+                    "Also print per band how much late sound goes round edges, which traced rays do not: an upper estimate, 0.1 to 0.5 s");
   command->callback([options] { run_rir(*options); });
 }
 

@@ -38,6 +38,7 @@ enum class Purpose : std::uint32_t {
   bootstrap = 26,
   oracle_episode = 27,
   source_sphere = 28,
+  late_edges = 29,
 };
 
 /// Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3).

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/acoustics/response/late_edges.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "sim/acoustics/model/air_points.h"
+#include "sim/base/random.h"
+#include "tests/support/acoustics/effect_scenes.h"
+
+namespace earshot {
+namespace {
+
+AcousticConfig all_edges() {
+  AcousticConfig config;
+  config.diffraction = Switch::on;
+  config.air_absorption = Switch::off;
+  config.rir_length_s = 0.5f;
+  return config;
+}
+
+glm::vec3 drawn_place(std::uint32_t number, std::uint32_t which, double x0, double x1) {
+  const RandomStream random(383, Purpose::test, number, which);
+  const auto draw = [&](std::uint32_t i, double low, double high) { return low + (high - low) * double{random.uniform(i)}; };
+  return rooms::point(draw(0, x0, x1), draw(1, 0.5, 3.5), draw(2, 0.5, 2.0));
+}
+
+TEST(LateEdges, NothingInConvexRoomsOrWithoutDiffraction) {
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const AcousticScene box(rooms::shoe1(0.2, 0.3), all_edges());
+    for (const double x : late_edges(box, drawn_place(number, 0, 0.5, 4.5), drawn_place(number, 1, 0.5, 4.5)).fraction) EXPECT_EQ(x, 0);
+    AcousticConfig off = all_edges();
+    off.diffraction = Switch::off;
+    const AcousticScene divided(effects::two_rooms(8, 4, 3, 0.9, effects::material(0.2, 0.5), effects::material(0.2, 0.5)), off);
+    for (const double x : late_edges(divided, drawn_place(number, 0, 0.5, 3.5), drawn_place(number, 1, 4.5, 7.5)).fraction) EXPECT_EQ(x, 0);
+  }
+}
+
+/// Two rooms with a door, source in one and listener in the other.
+struct Doors {
+  AcousticScene scene;
+  explicit Doors(double door_m)
+      : scene(effects::two_rooms(8, 4, 3, door_m, effects::material(0.2, 0.7), effects::material(0.2, 0.7)), all_edges()) {}
+};
+
+// The shadow that an edge fills is sqrt(2 / (k r)) wide: over six octaves 8 times narrower.  Energies that fall faster, further behind the
+// edge, as 1 / k, would give 64; the terms of an edge lie between.  A lost root or square would leave that range.
+TEST(LateEdges, NarrowsWithTheRootOfTheWavelength) {
+  const Doors doors(0.9);
+  double low = 0, high = 0;
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const LateEdges edges = late_edges(doors.scene, drawn_place(number, 0, 0.5, 3.5), drawn_place(number, 1, 4.5, 7.5));
+    for (std::size_t band = 1; band < edges.fraction.size(); ++band)
+      EXPECT_LT(edges.fraction[band], 1.1 * edges.fraction[band - 1]) << number;
+    low += edges.fraction.front(), high += edges.fraction.back();
+  }
+  const double octaves = doors.scene.num_bands() - 1;
+  EXPECT_GT(low / high, 0.8 * std::sqrt(std::exp2(octaves)));
+  EXPECT_LT(low / high, 1.2 * std::exp2(octaves));
+}
+
+TEST(LateEdges, SourceAndListenerSwap) {
+  const Doors doors(0.9);
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const glm::vec3 a = drawn_place(number, 0, 0.5, 3.5), b = drawn_place(number, 1, 4.5, 7.5);
+    const LateEdges there = late_edges(doors.scene, a, b), back = late_edges(doors.scene, b, a);
+    // Two estimates of one number, each with a standard error of about a tenth to a sixth.
+    EXPECT_NEAR(back.fraction[0] / there.fraction[0], 1, 0.8) << number;
+  }
+}
+
+// Behind a screen in the open, with a wall on the side of the source: nothing of what that wall sends back gets to the listener but round
+// the edge of the screen.
+TEST(LateEdges, IsAllThereIsWhereRaysBringNothing) {
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const RandomStream random(384, Purpose::test, number);
+    const double height_m = 2 + double{random.uniform(0)}, behind_m = 1 + 2 * double{random.uniform(1)};
+    TriangleMesh mesh;
+    rooms::append_quad(
+        mesh, {rooms::point(0, -30, -30), rooms::point(0, 30, -30), rooms::point(0, 30, height_m), rooms::point(0, -30, height_m)}, 0);
+    rooms::append_quad(mesh, {rooms::point(-4, -3, 0), rooms::point(-4, 3, 0), rooms::point(-4, 3, 1.5), rooms::point(-4, -3, 1.5)}, 0);
+    AcousticConfig config = all_edges();
+    config.late = Switch::on;
+    const AcousticScene scene(rooms::scene_of(std::move(mesh), {effects::material(0.2, 1)}), config);
+    const LateEdges edges = late_edges(scene, rooms::point(-2, 0, 1), rooms::point(behind_m, 0, 1));
+    for (const double x : edges.fraction) EXPECT_TRUE(std::isinf(x)) << number << " " << x;
+  }
+}
+
+}  // namespace
+}  // namespace earshot
