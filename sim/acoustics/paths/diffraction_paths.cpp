@@ -225,8 +225,7 @@ int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 l
 
 int DiffractionCandidates::find_arrivals_from(const AcousticScene& scene, glm::vec3 point, glm::vec3 listener, bool in_sight,
                                               std::vector<Arrival>& arrivals) const {
-  if (candidates_.empty()) return 0;
-  return Search(*this, scene, point, listener, in_sight, arrivals).find_arrivals();
+  return candidates_.empty() ? 0 : Search(*this, scene, point, listener, in_sight, arrivals).find_arrivals();
 }
 
 int DiffractionCandidates::Search::find_arrivals() {
@@ -248,8 +247,8 @@ int DiffractionCandidates::Search::find_arrivals() {
   if (in_sight_) add_waves_to_paths();
   cap_at_free_field(scene_.num_bands(), glm::dvec3(source_), glm::dvec3(listener_), std::span(arrivals_).subspan(first_));
   if (num_base_ > 0) count += add_reflections();
-  const auto earlier = [](const Arrival& a, const Arrival& b) { return a.distance_m < b.distance_m; };
-  insert_sorted(0, first_, earlier, arrivals_);
+  insert_sorted(
+      0, first_, [](const Arrival& a, const Arrival& b) { return a.distance_m < b.distance_m; }, arrivals_);
   return count;
 }
 
@@ -259,8 +258,7 @@ void DiffractionCandidates::Search::search_groups(bool boundaries_only) {
     if (attempts <= 0) break;
     if (in_sight_ && !group.single) continue;
     if (boundaries_only && !near_boundary(edges_[group.last_edge])) continue;
-    if (!sees_last_edge(group)) continue;
-    search_group(group, boundaries_only, attempts);
+    if (sees_last_edge(group)) search_group(group, boundaries_only, attempts);
   }
 }
 
@@ -344,9 +342,8 @@ bool DiffractionCandidates::Search::all_segments_free(const EdgePath& path) cons
   const glm::vec3 from(path.from), to(path.to);
   if (swapped_ ? rays.occluded(from, air_point(0)) : rays.occluded(to, air_point(order - 1))) return false;
   if (swapped_ ? rays.occluded(to, air_point(order - 1)) : rays.occluded(from, air_point(0))) return false;
-  for (std::size_t i = 1; i < order; ++i) {
+  for (std::size_t i = 1; i < order; ++i)
     if (rays.occluded(air_point(i - 1), air_point(i))) return false;
-  }
   return true;
 }
 
@@ -465,8 +462,7 @@ void DiffractionCandidates::Search::add_waves_to_paths() {
   const auto direct =
       std::find_if(paths_before.begin(), paths_before.end(), [](const Arrival& path) { return path.kind == ArrivalKind::direct; });
   const bool has_direct = direct != paths_before.end();
-  std::array<float, kMaxBands> before{};
-  if (has_direct) before = direct->amplitude;
+  const std::array<float, kMaxBands> before = has_direct ? direct->amplitude : std::array<float, kMaxBands>{};
   // `order` of an edge wave in sight is the index of the path that it belongs to, or -1.
   std::size_t kept = first_;
   for (std::size_t i = first_; i < arrivals_.size(); ++i) {

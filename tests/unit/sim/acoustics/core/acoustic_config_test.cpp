@@ -36,6 +36,26 @@ TEST(Quality, PresetsAreValidAndOrdered) {
   EXPECT_THROW(acoustic_preset("fastest"), InputError);
 }
 
+TEST(Quality, ExponentsAreNoneANumberOrFromScattering) {
+  EXPECT_EQ(read_from("{specular_exponent: from_scattering}").specular_exponent, -1.f);
+  EXPECT_EQ(read_from("{specular_exponent: 30}").specular_exponent, 30.f);
+  AcousticConfig config;
+  for (const float valid : {-1.f, 0.f, 1.f, 1000.f}) {
+    config.specular_exponent = valid;
+    EXPECT_EQ(message_of(config), "") << valid;
+  }
+  for (const float invalid : {-2.f, -0.5f, 0.5f, 1001.f}) {
+    config.specular_exponent = invalid;
+    EXPECT_NE(message_of(config).find("specular_exponent"), std::string::npos) << invalid;
+  }
+}
+
+TEST(Quality, DirectRaysAreACount) {
+  EXPECT_EQ(read_from("{direct_rays: 500}").direct_rays, 500);
+  EXPECT_THROW(read_from("{direct_rays: 4097}"), InputError);
+  EXPECT_THROW(read_from("{direct_rays: -1}"), InputError);
+}
+
 TEST(Quality, ReadsEveryKey) {
   const AcousticConfig c = read_from(
       "{direct: off, early: on, late: off, diffraction: off, transmission: auto, air_absorption: off, early_order: 1, "
