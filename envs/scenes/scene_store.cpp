@@ -29,7 +29,7 @@ namespace earshot {
 namespace {
 
 /// Version of the layout of the images.  Their content has the commit of the engine.
-constexpr std::string_view kVersion = "scene store 3";
+constexpr std::string_view kVersion = "scene store 4";
 
 /// For another process that makes the same: far longer than that takes, unless the process has been stopped.
 constexpr std::chrono::minutes kPatience(10);

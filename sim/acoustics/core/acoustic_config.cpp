@@ -62,6 +62,9 @@ void read_parts(ConfigReader& reader, AcousticConfig& config) {
   reader.read_choice("late", config.late, kSwitches, "Late sound, from traced rays or a source field. auto: the effect plan decides.");
   reader.read_choice("diffraction", config.diffraction, kSwitches, "Diffraction around edges. auto: the effect plan decides.");
   reader.read_choice("transmission", config.transmission, kSwitches, "Transmission through walls. auto: the effect plan decides.");
+  reader.read_choice("wall_power", config.wall_power, kSwitches,
+                     "Rise of late sound where a source or a listener is near walls (Waterhouse 1955). auto: in bands that it changes by "
+                     "more than 0.1 dB.");
   reader.read_choice("air_absorption", config.air_absorption, kSwitches, "Absorption in air (ISO 9613-1). auto: the effect plan decides.");
 }
 

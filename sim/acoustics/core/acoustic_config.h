@@ -17,6 +17,7 @@ struct AcousticConfig {
   // which parts
   Switch direct = Switch::automatic, early = Switch::automatic, late = Switch::automatic, air_absorption = Switch::automatic;
   Switch diffraction = Switch::automatic, transmission = Switch::automatic;
+  Switch wall_power = Switch::automatic;  ///< late sound of sources and listeners near walls (wall_power.h)
   /// Points of a source with a radius that are looked for from the listener (sphere_arrivals.h), [0, 4096]; 0 or 1: its centre alone.
   /// No part of a point source.
   int direct_rays = 64;

@@ -85,6 +85,13 @@ void EnergyHistogram::scale(float factor) {
   dropped_energy_ *= factor;
 }
 
+void EnergyHistogram::scale(std::span<const float> factor) {
+  float* value = values_.data();
+  for (int bin = 0; bin < num_bins_; ++bin)
+    for (int band = 0; band < num_bands_; ++band)
+      for (int k = 0; k < num_coefficients_; ++k) *value++ *= factor[static_cast<std::size_t>(band)];
+}
+
 void EnergyHistogram::attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s) {
   EARSHOT_EXPECT(static_cast<int>(energy_per_m.size()) == num_bands_);
   if (std::all_of(energy_per_m.begin(), energy_per_m.end(), [](float m) { return m == 0.f; })) return;

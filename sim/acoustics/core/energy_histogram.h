@@ -35,6 +35,7 @@ class EnergyHistogram {
   void add(const EnergyHistogram& other);  ///< same shape
   void add_dropped(double energy) { dropped_energy_ += energy; }
   void scale(float factor);
+  void scale(std::span<const float> factor);  ///< per band: the first num_bands
   /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (docs/explanation/effect_bounds.md, section 2).
   void attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s);
   void clear();  ///< keeps the shape

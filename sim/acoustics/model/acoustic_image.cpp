@@ -97,7 +97,7 @@ void put_plan(ByteWriter& writer, const EffectPlan& plan) {
     writer.put_text(decision.why);
   }
   for (const bool air : plan.air) writer.put(static_cast<std::uint8_t>(air));
-  for (const bool on : {plan.late, plan.diffraction, plan.straight_transmission, plan.traced_transmission, plan.field})
+  for (const bool on : {plan.late, plan.diffraction, plan.straight_transmission, plan.traced_transmission, plan.field, plan.wall_power})
     writer.put(static_cast<std::uint8_t>(on));
   writer.put(plan.image_order);
   writer.put(plan.rir_length_s);
@@ -127,7 +127,7 @@ EffectPlan take_plan(ByteReader& reader) {
     decision.why = reader.take_text();
   }
   for (bool& air : plan.air) air = take_bool(reader);
-  for (bool* on : {&plan.late, &plan.diffraction, &plan.straight_transmission, &plan.traced_transmission, &plan.field})
+  for (bool* on : {&plan.late, &plan.diffraction, &plan.straight_transmission, &plan.traced_transmission, &plan.field, &plan.wall_power})
     *on = take_bool(reader);
   plan.image_order = reader.take<int>();
   plan.rir_length_s = reader.take<float>();

@@ -48,7 +48,9 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
   if (c.diffraction_reflections > 0) append_bytes(bytes, c.diffraction_reflections);
-  if (c.direct_rays != AcousticConfig{}.direct_rays) append_bytes(bytes, c.direct_rays);
+  // Others than the defaults, each behind a letter of its own.
+  if (c.direct_rays != AcousticConfig{}.direct_rays) append_bytes(bytes, 'd'), append_bytes(bytes, c.direct_rays);
+  if (c.wall_power != Switch::automatic) append_bytes(bytes, 'w'), append_bytes(bytes, static_cast<std::int32_t>(c.wall_power));
   return hash64(bytes);
 }
 
@@ -94,12 +96,13 @@ AcousticScene::AcousticScene(AcousticSurfaces surfaces, std::shared_ptr<const Ef
     if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(this->scene().air(), bands().centre_hz[band]));
   }
   reflection_model_ = std::make_shared<const ReflectionModel>(surfaces_, plan_->traced_transmission);
+  if (plan_->wall_power) wall_power_ = std::make_shared<const WallPower>(surfaces_, config_.wall_power == Switch::on);
   hash_ = hash_of(config_, this->scene().hash(), plan_->traced_transmission);
 }
 
 std::size_t AcousticScene::bytes() const {
   return sizeof(AcousticScene) + surfaces_.bytes() + plane_cells_->bytes() + field_grid_->bytes.load(std::memory_order_relaxed) +
-         plan_->decisions.capacity() * sizeof(EffectDecision);
+         (wall_power_ ? wall_power_->bytes() : 0) + plan_->decisions.capacity() * sizeof(EffectDecision);
 }
 
 const FieldGrid& AcousticScene::field_grid() const {

@@ -10,6 +10,7 @@
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/effect_plan.h"
+#include "sim/acoustics/model/wall_power.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -69,6 +70,9 @@ class AcousticScene {
   /// Reflected, scattered and transmitted fractions of the surfaces, for the tracers; with transmission if traces_transmission(*this).
   [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
 
+  /// Factor of late energy of a source or a listener at `point`: that of walls near it (wall_power.h); all 1 where the plan leaves it out.
+  [[nodiscard]] WallGain wall_gain(glm::vec3 point) const { return wall_power_ ? wall_power_->at(surfaces_, point) : WallGain(); }
+
   /// Cells of the source fields, found on the first call, once, from any thread.
   [[nodiscard]] const FieldGrid& field_grid() const;
   /// How late energy evens out between those cells; found with them.
@@ -89,6 +93,7 @@ class AcousticScene {
   AcousticConfig config_;
   std::vector<float> air_;
   std::shared_ptr<const ReflectionModel> reflection_model_;
+  std::shared_ptr<const WallPower> wall_power_;  ///< null: off
   struct LazyGrid;
   std::shared_ptr<LazyGrid> field_grid_;  ///< shared by copies
   std::shared_ptr<const PlaneCells> plane_cells_;

@@ -37,6 +37,7 @@ constexpr float kPathsPerRadius = 12.f, kMinRadiusM = 0.25f, kLargestRadiusM = 2
 /// A field costs memory and blurs cells: it must be this much cheaper.
 constexpr double kFieldGain = 2;
 constexpr double kPhotonsOfAField = 1000, kProbesMs = 15, kBlendMs = 0.02;
+constexpr double kWallPowerMs = 0.005;
 /// From here on accuracy is worth more than time: diffraction is complete (DiffractionBudget) and walls are passed.
 constexpr int kManyRays = 512;
 
@@ -87,6 +88,7 @@ class Planner {
     decide_diffraction();
     decide_transmission();
     decide_air();
+    decide_wall_power();
     return std::move(plan_);
   }
 
@@ -365,6 +367,23 @@ class Planner {
         add("air_absorption_low", false, fmt::format("off in the lowest {}", off), {largest_off_db, "dB", BoundKind::bounded},
             off * band_ms, fmt::format("on the longest path, {:.0f} m, and less than 1 % of RT60", longest_m));
       }
+    }
+  }
+
+  void decide_wall_power() {
+    const double rise_db = 10.0 * std::log10(8.0);  // of a corner
+    const bool reflects = !surfaces_.planes().empty() && surfaces_.largest_specular_reflectance() > 0.f;
+    plan_.wall_power = plan_.late && reflects && config_.wall_power != Switch::off;
+    if (config_.wall_power == Switch::off) {
+      add("wall_power", false, "off", kUserSet, kWallPowerMs, "");
+    } else if (!plan_.wall_power) {
+      add("wall_power", false, "off", kUnchanged, kWallPowerMs, plan_.late ? "no surface reflects as a mirror" : "there is no late sound");
+    } else if (config_.wall_power == Switch::on) {
+      add("wall_power", true, "on", {rise_db, "dB", BoundKind::user_set}, 0, "late sound, at a source or a listener in a rigid corner");
+    } else {
+      add("wall_power", true, "near walls", {rise_db, "dB", BoundKind::bounded}, 0,
+          fmt::format("late sound, at a source or a listener in a rigid corner; walls further off than {:.1f} m play no part",
+                      surfaces_.speed_of_sound_m_per_s() / surfaces_.bands().centre_hz.front()));
     }
   }
 

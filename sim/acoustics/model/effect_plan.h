@@ -52,6 +52,7 @@ struct EffectPlan {
   bool straight_transmission = false;  ///< along the line of sight, at poses where it is blocked
   bool traced_transmission = false;    ///< inside the tracers
   bool field = false;
+  bool wall_power = false;  ///< WallPower, at both ends of late sound
   float rir_length_s = 0;
   float source_radius_m = 0;    ///< of the volume that catches specular paths
   double mean_free_path_m = 0;  ///< of walks through the air (effect_probe.h); 0 without surfaces

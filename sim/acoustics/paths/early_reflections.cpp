@@ -215,6 +215,7 @@ PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBa
 EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& sound_source, SourceMotion motion)
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
+  wall_gain_ = scene.wall_gain(source());
   const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;

@@ -53,6 +53,8 @@ class EarlyCandidates {
   [[nodiscard]] std::size_t size() const { return sequences_.size(); }
   /// Images of longer sequences, which are part of every late field; null where there are none.
   [[nodiscard]] const std::shared_ptr<const LongChains>& long_chains() const { return long_chains_; }
+  /// Factor of the late energy of this source: that of walls near it (AcousticScene::wall_gain).
+  [[nodiscard]] const WallGain& wall_gain() const { return wall_gain_; }
   /// Diffraction paths of the same source.
   [[nodiscard]] const DiffractionCandidates& diffraction() const { return diffraction_; }
 
@@ -75,6 +77,7 @@ class EarlyCandidates {
 
   SoundSource source_;
   Emission emission_;
+  WallGain wall_gain_;
   DiffractionCandidates diffraction_;
   std::shared_ptr<const LongChains> long_chains_;
   /// Sorted and unique, those by planes before those by folds, which count as planes from planes().size() on.

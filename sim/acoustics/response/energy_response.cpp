@@ -32,6 +32,19 @@ void apply_emission(const Emission& emission, std::size_t num_bands, std::span<A
   }
 }
 
+/// Late energy of a source and a listener near walls (wall_power.h).
+void raise_near_walls(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener, EnergyResponse& response) {
+  response.wall_gain = {};
+  if (!scene.plan().wall_power) return;
+  response.wall_gain = scene.wall_gain(listener) * candidates.wall_gain();
+  if (!response.wall_gain.any) return;
+  response.late.scale(response.wall_gain.energy);
+  response.batches.scale(response.wall_gain.energy);
+  for (Arrival& arrival : response.scattered)
+    for (std::size_t band = 0; band < static_cast<std::size_t>(scene.num_bands()); ++band)
+      arrival.amplitude[band] *= std::sqrt(response.wall_gain.energy[band]);
+}
+
 /// Has the size of a panel changed an image, in energy or phase?
 bool panels_matter(const EnergyResponse& response) {
   return !response.scattered.empty() || std::ranges::any_of(response.arrivals, [](const Arrival& arrival) {
@@ -95,6 +108,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     response.stats = trace_late(scene, candidates, listener, response.late, &response.memory.paths());
   }
   response.stats.nonfinite_dropped += nonfinite_arrivals;
+  raise_near_walls(scene, candidates, listener, response);
   if (scene.config().late != Switch::off && response.late.num_bins() > 0)
     add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, response.late);
   response.effects = count_effects(scene, effects, field != nullptr);

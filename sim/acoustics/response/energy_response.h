@@ -8,6 +8,7 @@
 
 #include "sim/acoustics/core/energy_histogram.h"
 #include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/wall_power.h"
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/paths/pose_effects.h"
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
@@ -22,6 +23,7 @@ class SourceField;
 struct EnergyResponse {
   std::vector<Arrival> arrivals;  ///< of every kind (arrival.h), sorted by distance
   EnergyHistogram late;
+  WallGain wall_gain;              ///< of source and listener together, part of `late`, `scattered` and `batches`
   std::vector<Arrival> scattered;  ///< energy that panels scatter instead of reflecting; part of `late`
   TraceStats stats;
   EffectCounters effects;            ///< of this pose

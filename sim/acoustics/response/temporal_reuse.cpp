@@ -50,6 +50,14 @@ double mean_delay_s(const EnergyHistogram& late, double direct_s) {
   return energy > 0 ? std::max(least, moment / energy * late.bin_s() - direct_s) : std::numeric_limits<double>::infinity();
 }
 
+/// The late field without the walls near this pose, which the next pose may not have.
+void take_out(const WallGain& gain, EnergyHistogram& late) {
+  if (!gain.any) return;
+  WallGain inverse;
+  for (std::size_t band = 0; band < inverse.energy.size(); ++band) inverse.energy[band] = 1.f / gain.energy[band];
+  late.scale(inverse.energy);
+}
+
 double angle_between(const glm::quat& a, const glm::quat& b) { return 2.0 * std::acos(std::min(1.0, std::fabs(double{glm::dot(a, b)}))); }
 
 }  // namespace
@@ -140,6 +148,7 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
     const AcousticConfig& config = scene.config();
     seeded_ = scene.with_rays(config.rays, config.seed + frame_ * kSeedStep);
     compute_energy_response(*seeded_, candidates, listener, response);
+    take_out(response.wall_gain, response.late);
     const double c = scene.speed_of_sound_m_per_s();
     const double direct_s = std::max(glm::distance(place.source, listener), kMinDistanceM) / c;
     const double before_s = std::max(glm::distance(before_.source, before_.listener), kMinDistanceM) / c;
@@ -159,6 +168,10 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
     response.batches.clear();
   }
   past_ = response.late;
+  if (frame_ == 0)
+    take_out(response.wall_gain, past_);
+  else if (response.wall_gain.any)
+    response.late.scale(response.wall_gain.energy);
   before_ = place;
   ++frame_;
   past_variance_ = (1 - weight_) * (1 - weight_) * past_variance_ + weight_ * weight_;

@@ -65,7 +65,7 @@ class TemporalReuse {
 
   TemporalReuseConfig config_;
   Place before_;
-  EnergyHistogram past_;                 ///< E_{n-1}
+  EnergyHistogram past_;                 ///< E_{n-1}, without the gain of walls
   std::optional<AcousticScene> seeded_;  ///< the scene with this frame's seed
   std::uint64_t frame_ = 0;              ///< since forget()
   double past_variance_ = 1;             ///< of past_, in units of a single frame's

@@ -266,6 +266,12 @@ void keep_batch(const BatchResult& result, std::uint32_t batch, LateBatches& bat
 
 }  // namespace
 
+void LateBatches::scale(std::span<const float> factor) {
+  const auto bands = static_cast<std::size_t>(num_bands);
+  for (std::vector<float>* values : {&energy, &unseen})
+    for (std::size_t i = 0; i < values->size(); ++i) (*values)[i] *= factor[i % bands];
+}
+
 TraceStats trace_bidirectional(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
                                EnergyHistogram& histogram, LateBatches* batches, const BidirectionalOptions& options) {
   const FlushDenormals flush;

@@ -24,6 +24,7 @@ struct LateBatches {
   [[nodiscard]] float at(int batch, int bin, int band) const {
     return energy[(static_cast<std::size_t>(batch) * num_bins + bin) * num_bands + band];
   }
+  void scale(std::span<const float> factor);  ///< energy of each band
   void clear() { count = 0, energy.clear(), unseen.clear(); }
 };
 

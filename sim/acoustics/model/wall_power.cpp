@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/acoustics/model/wall_power.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <optional>
+
+#include "sim/acoustics/geometry/exact_plane.h"
+#include "sim/acoustics/model/acoustic_surfaces.h"
+#include "sim/acoustics/model/effect_plan.h"
+#include "sim/base/memory_bytes.h"
+
+namespace earshot {
+namespace {
+
+constexpr std::size_t kTableSize = 2048;
+constexpr double kTableStep = 0.06;       // radians: the table ends at 123, where S of an octave is below 3e-4
+constexpr std::size_t kMostWalls = 4096;  // the largest
+constexpr float kMinAreaM2 = 0.04f;       // of a plane
+constexpr double kReachOfPanel = 4.0;     // times the root of its area: longer waves hardly notice it
+constexpr double kLeastHeightM = 0.01;    // from where rays start
+constexpr double kSlackM = 2e-3;          // of bounds, and of the length of rays
+constexpr double kLeastGain = 0.1;        // sums over few images may fall below what is possible
+constexpr double kSquareCosine = 0.26;    // of edges that make a corner: 75 to 105 degrees
+constexpr double kLeastEdgeRad = 50.0 * std::numbers::pi / 180.0;
+
+/// Sine integral, absolute error below 1e-6 (Abramowitz and Stegun, 5.2.8, 5.2.14, 5.2.38 and 5.2.39).
+double sine_integral(double x) {
+  if (x < 1.0) {
+    const double y = x * x;
+    return x * (1.0 - y / 18.0 * (1.0 - 3.0 * y / 100.0 * (1.0 - 5.0 * y / 294.0)));
+  }
+  const double y = x * x;
+  const double f = (((y + 38.027264) * y + 265.187033) * y + 335.677320) * y + 38.102495;
+  const double f_under = (((y + 40.021433) * y + 322.624911) * y + 570.236280) * y + 157.105423;
+  const double g = (((y + 42.242855) * y + 302.757865) * y + 352.018498) * y + 21.821899;
+  const double g_under = (((y + 48.196927) * y + 482.485984) * y + 1114.978885) * y + 449.690326;
+  return 0.5 * std::numbers::pi - f / (x * f_under) * std::cos(x) - g / (y * g_under) * std::sin(x);
+}
+
+/// 1 up to an eighth of a wave, 0 from a quarter on: as image paths share a fold between one mirror and its planes.
+double one_mirror(double waves) {
+  const double x = 8.0 * waves - 1.0;
+  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(std::numbers::pi * x);
+}
+
+bool holds(const MirrorPlane& plane, glm::dvec3 p) {
+  return glm::all(glm::greaterThanEqual(p, glm::dvec3(plane.bounds.lower) - kSlackM)) &&
+         glm::all(glm::lessThanEqual(p, glm::dvec3(plane.bounds.upper) + kSlackM));
+}
+
+}  // namespace
+
+double band_mean_sinc(double low_hz, double high_hz, double distance_m, double speed_m_per_s) {
+  const double per_hz = 2.0 * std::numbers::pi / speed_m_per_s * distance_m, low = per_hz * low_hz, high = per_hz * high_hz;
+  // Of a short or a narrow band the integral loses its digits: the mean of sin x / x is that of its ends and its middle (Simpson).
+  if (high - low < 0.05) {
+    const auto sinc = [](double x) { return x < 1e-3 ? 1.0 - x * x / 6.0 : std::sin(x) / x; };
+    return (sinc(low) + 4.0 * sinc(0.5 * (low + high)) + sinc(high)) / 6.0;
+  }
+  return (sine_integral(high) - sine_integral(low)) / (high - low);
+}
+
+/// A wall near a point.
+struct WallPower::Near {
+  const MirrorPlane* plane;
+  std::uint32_t index;           // planes().size() and more: a fold
+  std::uint32_t material, fold;  // of the triangle at its foot; folds.planes.size(): not in a fold
+  glm::dvec3 normal;             // unit, toward the point
+  double height_m;
+  std::array<double, kMaxBands> weight;  // c of a band
+};
+
+struct WallPower::NearWalls {
+  glm::dvec3 point, origin;  // origin of rays: the point, kLeastHeightM away from walls that it touches
+  std::array<Near, kMaxNear> wall;
+  std::size_t count = 0;
+};
+
+WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
+    : all_bands_(all_bands), num_bands_(static_cast<std::size_t>(surfaces.num_bands())) {
+  const double speed = surfaces.speed_of_sound_m_per_s();
+  const BandLayout& bands = surfaces.bands();
+  reach_m_ = speed / bands.centre_hz.front();
+  table_.resize(num_bands_ * kTableSize);
+  for (std::size_t band = 0; band < num_bands_; ++band) {
+    wavenumber_.push_back(2.0 * std::numbers::pi * bands.centre_hz[band] / speed);
+    for (std::size_t i = 0; i < kTableSize; ++i)
+      table_[band * kTableSize + i] = static_cast<float>(
+          band_mean_sinc(bands.edge_hz[band], bands.edge_hz[band + 1], static_cast<double>(i) * kTableStep / wavenumber_.back(), speed));
+  }
+  const auto add = [&](const MirrorPlane& plane, std::uint32_t index) {
+    if (!(plane.area_m2 >= kMinAreaM2) || plane_.size() >= kMostWalls) return;
+    plane_.push_back(index);
+    offset_m_.push_back(plane.offset_m);
+    plane_reach_m_.push_back(static_cast<float>(std::min(reach_m_, kReachOfPanel * std::sqrt(double{plane.area_m2}))));
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      normal_[a].push_back(plane.normal[axis]);
+      lower_[a].push_back(plane.bounds.lower[axis] - static_cast<float>(kSlackM));
+      upper_[a].push_back(plane.bounds.upper[axis] + static_cast<float>(kSlackM));
+    }
+  };
+  const auto num_planes = static_cast<std::uint32_t>(surfaces.planes().size());
+  const std::vector<MirrorPlane>& folds = surfaces.folds().planes;
+  for (std::uint32_t i = 0; i < folds.size(); ++i) add(folds[i], num_planes + i);
+  for (std::uint32_t i = 0; i < num_planes; ++i) add(surfaces.planes()[i], i);
+}
+
+std::size_t WallPower::bytes() const {
+  std::size_t sum =
+      sizeof(WallPower) + bytes_of(wavenumber_) + bytes_of(table_) + bytes_of(offset_m_) + bytes_of(plane_reach_m_) + bytes_of(plane_);
+  for (std::size_t axis = 0; axis < 3; ++axis) sum += bytes_of(normal_[axis]) + bytes_of(lower_[axis]) + bytes_of(upper_[axis]);
+  return sum;
+}
+
+double WallPower::mean_sinc(std::size_t band, double distance_m) const {
+  const double at = wavenumber_[band] * distance_m / kTableStep;
+  if (!(at < static_cast<double>(kTableSize - 1))) return 0.0;
+  const auto index = static_cast<std::size_t>(at);
+  const float* row = &table_[band * kTableSize + index];
+  return double{row[0]} + (at - static_cast<double>(index)) * (double{row[1]} - double{row[0]});
+}
+
+void WallPower::find_walls(const AcousticSurfaces& surfaces, glm::dvec3 point, NearWalls& walls) const {
+  const auto num_planes = static_cast<std::uint32_t>(surfaces.planes().size());
+  const FoldedPlanes& folds = surfaces.folds();
+  const auto plane_at = [&](std::uint32_t index) -> const MirrorPlane& {
+    return index < num_planes ? surfaces.planes()[index] : folds.planes[index - num_planes];
+  };
+  // Planes whose foot may lie on them, nearest first, as many as fit.
+  struct Found {
+    std::uint32_t plane;
+    float height_m;
+  };
+  std::array<Found, kMaxNear> found;
+  std::size_t count = 0;
+  const auto x = static_cast<float>(point.x), y = static_cast<float>(point.y), z = static_cast<float>(point.z);
+  for (std::size_t i = 0; i < plane_.size(); ++i) {
+    const float height = normal_[0][i] * x + normal_[1][i] * y + normal_[2][i] * z - offset_m_[i];
+    if (!(std::abs(height) <= plane_reach_m_[i])) continue;
+    const float fx = x - height * normal_[0][i], fy = y - height * normal_[1][i], fz = z - height * normal_[2][i];
+    if (!((fx >= lower_[0][i]) & (fx <= upper_[0][i]) & (fy >= lower_[1][i]) & (fy <= upper_[1][i]) & (fz >= lower_[2][i]) &
+          (fz <= upper_[2][i])))
+      continue;
+    const float distance_m = std::abs(height);
+    if (count == kMaxNear && distance_m >= found[count - 1].height_m) continue;
+    std::size_t at = count < kMaxNear ? count++ : count - 1;
+    for (; at > 0 && found[at - 1].height_m > distance_m; --at) found[at] = found[at - 1];
+    found[at] = {plane_[i], distance_m};
+  }
+  walls.point = walls.origin = point;
+  // Off the walls that it touches, of whatever part of them.
+  for (const Found& near : std::span(found).first(count)) {
+    const ExactPlane plane(plane_at(near.plane));
+    const double height_m = plane.height(walls.origin);
+    if (std::abs(height_m) >= kLeastHeightM) continue;
+    walls.origin += (height_m < 0 ? -1.0 : 1.0) * (kLeastHeightM - std::abs(height_m)) * plane.normal;
+  }
+  walls.count = 0;
+  for (const Found& near : std::span(found).first(count)) {
+    const MirrorPlane& rounded = plane_at(near.plane);
+    const ExactPlane plane(rounded);
+    const bool is_fold = near.plane >= num_planes;
+    const double start_m = plane.height(walls.origin), height_m = std::abs(plane.height(point));
+    const double depth_m = is_fold ? double{folds.depth_m[near.plane - num_planes]} : 0.0;
+    if (is_fold && height_m <= depth_m) continue;
+    const glm::dvec3 toward = start_m < 0 ? -plane.normal : plane.normal;
+    const Hit hit = surfaces.scene().rays().intersect(glm::vec3(walls.origin), glm::vec3(-toward));
+    if (!hit.valid() || std::abs(hit.distance_m - std::abs(start_m)) > kSlackM + depth_m) continue;
+    const std::uint32_t fold = folds.planes.empty() ? 0 : folds.fold_of_triangle[hit.triangle];
+    if (is_fold ? fold != near.plane - num_planes : surfaces.plane_of_triangle()[hit.triangle] != near.plane) continue;
+    Near& wall = walls.wall[walls.count++];
+    wall.plane = &rounded;
+    wall.index = near.plane;
+    wall.material = surfaces.scene().mesh().triangle_material[hit.triangle];
+    wall.fold = fold;
+    wall.normal = toward;
+    wall.height_m = height_m;
+  }
+}
+
+void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls) const {
+  const auto num_planes = static_cast<std::uint32_t>(surfaces.planes().size());
+  const FoldedPlanes& folds = surfaces.folds();
+  for (Near& wall : std::span(walls.wall).first(walls.count)) {
+    const bool is_fold = wall.index >= num_planes;
+    // A plane of a fold that stands for it has the rest.
+    const bool in_fold = wall.fold < folds.planes.size();
+    const bool shared =
+        in_fold && (is_fold || std::any_of(walls.wall.begin(), walls.wall.begin() + static_cast<std::ptrdiff_t>(walls.count),
+                                           [&](const Near& other) { return other.index == num_planes + wall.fold; }));
+    const auto reflectance = surfaces.reflectance(wall.material), scattering = surfaces.scattering(wall.material);
+    for (std::size_t band = 0; band < num_bands_; ++band) {
+      const double half_m = std::numbers::pi / wavenumber_[band], size = double{wall.plane->area_m2} / (half_m * half_m),
+                   kept = double{reflectance[band]};
+      double weight = 2.0 * std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
+      weight *= -std::expm1(-size * size);
+      if (shared) {
+        const double fold_share = one_mirror(2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi));
+        weight *= is_fold ? fold_share : 1.0 - fold_share;
+      }
+      wall.weight[band] = weight;
+    }
+  }
+}
+
+WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const {
+  WallGain gain;
+  NearWalls walls;
+  find_walls(surfaces, glm::dvec3(point), walls);
+  if (walls.count == 0) return gain;
+  find_weights(surfaces, walls);
+  std::array<double, kMaxBands> sum;
+  sum.fill(1.0);
+  const auto near = std::span(walls.wall).first(walls.count);
+  for (const Near& wall : near)
+    for (std::size_t band = 0; band < num_bands_; ++band) sum[band] += wall.weight[band] * mean_sinc(band, 2.0 * wall.height_m);
+
+  // Edges: of the point of the edge that is nearest, both walls must have it, and nothing may stand before it.
+  const auto is_visible = [&](glm::dvec3 target) {
+    const glm::dvec3 way = target - walls.origin;
+    const double length_m = glm::length(way);
+    if (length_m < 2.0 * kLeastHeightM) return true;
+    const Hit hit = surfaces.scene().rays().intersect(glm::vec3(walls.origin), glm::vec3(way / length_m));
+    return !hit.valid() || hit.distance_m > length_m - kSlackM - 1e-3 * length_m;
+  };
+  std::array<std::array<bool, kMaxNear>, kMaxNear> square_edge{};
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    for (std::size_t j = i + 1; j < near.size(); ++j) {
+      const Near &first = near[i], &second = near[j];
+      const double cosine = glm::dot(first.normal, second.normal), sine2 = 1.0 - cosine * cosine;
+      const double edge_rad = std::numbers::pi - std::acos(std::clamp(cosine, -1.0, 1.0));
+      if (edge_rad < kLeastEdgeRad || sine2 < 1e-3) continue;
+      const double along_first = (first.height_m - cosine * second.height_m) / sine2,
+                   along_second = (second.height_m - cosine * first.height_m) / sine2;
+      const glm::dvec3 way = along_first * first.normal + along_second * second.normal;
+      const double distance_m = glm::length(way);
+      const glm::dvec3 target = walls.point - way;
+      if (distance_m > reach_m_ || !holds(*first.plane, target) || !holds(*second.plane, target) || !is_visible(target)) continue;
+      square_edge[i][j] = std::abs(cosine) < kSquareCosine;
+      const double share = 2.0 * std::numbers::pi / edge_rad - 3.0;
+      for (std::size_t band = 0; band < num_bands_; ++band)
+        sum[band] += share * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
+    }
+  }
+  // Corners of three such edges.
+  for (std::size_t i = 0; i < near.size(); ++i)
+    for (std::size_t j = i + 1; j < near.size(); ++j)
+      for (std::size_t k = j + 1; square_edge[i][j] && k < near.size(); ++k) {
+        if (!square_edge[i][k] || !square_edge[j][k]) continue;
+        const glm::dmat3 rows = glm::transpose(glm::dmat3(near[i].normal, near[j].normal, near[k].normal));
+        const glm::dvec3 way = glm::inverse(rows) * glm::dvec3(near[i].height_m, near[j].height_m, near[k].height_m);
+        const double distance_m = glm::length(way);
+        const glm::dvec3 target = walls.point - way;
+        if (distance_m > reach_m_ || !holds(*near[i].plane, target) || !holds(*near[j].plane, target) || !holds(*near[k].plane, target))
+          continue;
+        for (std::size_t band = 0; band < num_bands_; ++band)
+          sum[band] += near[i].weight[band] * near[j].weight[band] * near[k].weight[band] * mean_sinc(band, 2.0 * distance_m);
+      }
+
+  for (std::size_t band = 0; band < num_bands_; ++band) {
+    const double energy = std::max(sum[band], kLeastGain);
+    if (!all_bands_ && std::abs(10.0 * std::log10(energy)) < kEffectBudgetDb) continue;
+    gain.energy[band] = static_cast<float>(energy);
+    gain.any = gain.any || gain.energy[band] != 1.f;
+  }
+  return gain;
+}
+
+}  // namespace earshot
