@@ -47,6 +47,7 @@ Material with_noise(const Material& material, const AcousticRandomization& rando
   const RandomStream random = stream_of(randomization.seed, scene, key);
   Material noisy = material;
   noisy.absorption = noisy.scattering = noisy.transmission = {};
+  noisy.impedance_real = noisy.impedance_imaginary = {};  // that of the noisy absorption
   for (int octave = 0; octave < kOctaves; ++octave) {
     const float hz = octave_hz(octave);
     const auto [on_absorption, on_scattering] = random.normal2(kSurfaceDraw + static_cast<std::uint32_t>(octave));

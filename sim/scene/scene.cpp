@@ -29,6 +29,9 @@ std::uint64_t hash_scene(const TriangleMesh& mesh, const std::vector<Material>& 
     }
     const float inside[2] = {material.speed_m_per_s, material.density_kg_per_m3};
     hash = hash64(std::as_bytes(std::span(inside)), hash);
+    if (!material.locally_reacting) continue;
+    hash = hash64("locally reacting", hash);
+    for (const CoefficientCurve* curve : {&material.impedance_real, &material.impedance_imaginary}) hash = hash_curve(*curve, hash);
   }
   const float conditions[4] = {air.temperature_c, air.humidity_percent, air.pressure_kpa, air.speed_of_sound_m_per_s};
   return hash64(std::as_bytes(std::span(conditions)), hash);
@@ -77,7 +80,8 @@ std::size_t Scene::bytes() const {
          bytes_of(mesh_.material_names) + bytes_of(mesh_.object_names);
   sum += bytes_of(materials_) + bytes_of(report_.warnings);
   for (const Material& material : materials_) {
-    for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m})
+    for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m,
+                                          &material.impedance_real, &material.impedance_imaginary})
       sum += bytes_of(curve->hz) + bytes_of(curve->value);
     sum += bytes_of(material.name) + bytes_of(material.labels) + bytes_of(material.source) + bytes_of(material.category);
   }

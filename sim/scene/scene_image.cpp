@@ -46,8 +46,10 @@ CoefficientCurve take_curve(ByteReader& reader) {
 void put_material(ByteWriter& writer, const Material& material) {
   writer.put_text(material.name);
   put_texts(writer, material.labels);
-  for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m})
+  for (const CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m,
+                                        &material.impedance_real, &material.impedance_imaginary})
     put_curve(writer, *curve);
+  writer.put(static_cast<std::uint8_t>(material.locally_reacting));
   writer.put(material.speed_m_per_s);
   writer.put(material.density_kg_per_m3);
   writer.put_text(material.source);
@@ -63,8 +65,13 @@ Material take_material(ByteReader& reader) {
   Material material;
   material.name = reader.take_text();
   material.labels = take_texts(reader);
-  for (CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m})
+  for (CoefficientCurve* curve : {&material.absorption, &material.scattering, &material.transmission, &material.damping_db_per_m,
+                                  &material.impedance_real, &material.impedance_imaginary})
     *curve = take_curve(reader);
+  const auto locally_reacting = reader.take<std::uint8_t>();
+  reader.check(locally_reacting <= 1 && material.impedance_real.hz == material.impedance_imaginary.hz);
+  for (const float real : material.impedance_real.value) reader.check(real > 0);
+  material.locally_reacting = locally_reacting == 1;
   material.speed_m_per_s = reader.take<float>();
   material.density_kg_per_m3 = reader.take<float>();
   material.source = reader.take_text();

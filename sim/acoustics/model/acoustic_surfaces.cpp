@@ -2,6 +2,7 @@
 #include "sim/acoustics/model/acoustic_surfaces.h"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
 #include "sim/base/memory_bytes.h"
+#include "sim/scene/materials/wall_impedance.h"
 
 namespace earshot {
 
@@ -69,6 +71,7 @@ void AcousticSurfaces::set_coefficients() {
       damping_[cell] = std::max(material.damping_db_per_m.band_mean(low_hz, high_hz), 0.f);
     }
   }
+  set_impedances();
   make_lobes();
   if (!scene_->mesh().triangles.empty()) diagonal_m_ = glm::length(scene_->bounds().upper - scene_->bounds().lower);
 }
@@ -85,6 +88,44 @@ void AcousticSurfaces::make_lobes() {
       for (std::size_t i = 0; i < kLobeLadder; ++i)
         if (shares.lobe[i] > 0.f && !specular_lobes_[i]) specular_lobes_[i] = std::make_shared<const SpecularLobe>(kLadderExponents[i]);
     }
+}
+
+void AcousticSurfaces::set_impedances() {
+  const std::vector<Material>& materials = scene_->materials();
+  if (std::ranges::none_of(materials, &Material::locally_reacting)) return;
+  const auto bands = static_cast<std::size_t>(num_bands());
+  impedance_.assign(materials.size() * bands, 0.0);
+  kept_.assign(materials.size() * bands, 1.0);
+  for (std::size_t slot = 0; slot < materials.size(); ++slot) {
+    const Material& material = materials[slot];
+    if (!material.locally_reacting) continue;
+    for (std::size_t band = 0; band < bands; ++band) {
+      const std::size_t cell = slot * bands + band;
+      float& reflectance = reflectance_[slot * static_cast<std::size_t>(stride_) + band];
+      if (material.impedance_real.hz.empty()) {
+        const double absorption = 1.0 - double{reflectance};
+        impedance_[cell] = impedance_of_absorption(absorption);
+        kept_[cell] = (1.0 - absorption) / (1.0 - random_incidence_absorption(impedance_[cell]));
+      } else {
+        const float hz = bands_.centre_hz[band];
+        impedance_[cell] = {double{material.impedance_real.at(hz)}, double{material.impedance_imaginary.at(hz)}};
+        reflectance = static_cast<float>(1.0 - random_incidence_absorption(impedance_[cell]));
+      }
+    }
+  }
+}
+
+std::complex<double> AcousticSurfaces::mirror_pressure(std::uint32_t material, int band, double cosine) const {
+  const std::size_t cell = std::size_t{material} * static_cast<std::size_t>(num_bands()) + static_cast<std::size_t>(band);
+  return std::sqrt(kept_[cell]) * wall_reflection(impedance_[cell], cosine);
+}
+
+void AcousticSurfaces::scale_by_angle(std::uint32_t material, double cosine, std::span<float> energy) const {
+  const auto mean = reflectance(material);
+  for (std::size_t band = 0; band < mean.size(); ++band) {
+    if (!(mean[band] > 0.f)) continue;
+    energy[band] *= static_cast<float>(std::norm(mirror_pressure(material, static_cast<int>(band), cosine)) / double{mean[band]});
+  }
 }
 
 void AcousticSurfaces::find_solids() {
@@ -122,8 +163,9 @@ void AcousticSurfaces::average_absorption() {
 
 std::size_t AcousticSurfaces::bytes() const {
   std::size_t sum = sizeof(AcousticSurfaces) + bytes_of(reflectance_) + bytes_of(scattering_) + bytes_of(transmission_) +
-                    bytes_of(damping_) + bytes_of(solid_) + bytes_of(planes_.planes) + bytes_of(planes_.plane_of_triangle) +
-                    bytes_of(folds_.planes) + bytes_of(folds_.depth_m) + bytes_of(folds_.some_plane) + bytes_of(folds_.fold_of_triangle);
+                    bytes_of(damping_) + bytes_of(impedance_) + bytes_of(kept_) + bytes_of(solid_) + bytes_of(planes_.planes) +
+                    bytes_of(planes_.plane_of_triangle) + bytes_of(folds_.planes) + bytes_of(folds_.depth_m) + bytes_of(folds_.some_plane) +
+                    bytes_of(folds_.fold_of_triangle);
   if (diffraction_edges_) sum += diffraction_edges_->bytes();
   for (const PanelEdges* edges : {panel_edges_.get(), fold_edges_.get()}) sum += edges ? edges->bytes() : 0;
   return sum;

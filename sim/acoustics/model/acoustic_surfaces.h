@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <complex>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -56,6 +57,16 @@ class AcousticSurfaces {
   [[nodiscard]] std::span<const float> damping_db_per_m(std::uint32_t material) const { return row(damping_, material); }  ///< inside it
   /// Whether a triangle bounds a body that its material fills (solid_bodies.h): the material damps by kSolidDampingDbPerM in a band.
   [[nodiscard]] bool bounds_solid(std::uint32_t triangle) const { return !solid_.empty() && solid_[triangle] != 0; }
+  /// Locally reacting surfaces (wall_impedance.h), whose specular reflections depend on the angle; their diffuse ones do not, so that paths
+  /// are the same from either end.
+  [[nodiscard]] bool reacts_locally(std::uint32_t material) const {
+    return !impedance_.empty() && impedance_[material * num_bands()].real() > 0;
+  }
+  [[nodiscard]] bool any_reacts_locally() const { return !impedance_.empty(); }
+  /// Specular pressure reflection of such a material, scattering left out: at random incidence its square has the mean reflectance().
+  [[nodiscard]] std::complex<double> mirror_pressure(std::uint32_t material, int band, double cosine) const;
+  /// Multiplies energy [num_bands] by the specular energy reflection of such a material over reflectance().
+  void scale_by_angle(std::uint32_t material, double cosine, std::span<float> energy) const;
   /// Does any material of the scene let energy through in any band?
   [[nodiscard]] bool transmits() const { return transmits_; }
   /// Bands rounded up to a multiple of eight: the rows below are that long and end in zeros, so that hot loops have no remainder.
@@ -90,6 +101,7 @@ class AcousticSurfaces {
   }
   void set_coefficients();
   void make_lobes();
+  void set_impedances();
   void average_absorption();
   void find_solids();
   void join_edges_to_planes();
@@ -100,6 +112,10 @@ class AcousticSurfaces {
   int stride_ = 0;
   float diagonal_m_ = 0;
   std::vector<float> reflectance_, scattering_, transmission_, damping_;
+  /// [materials][num_bands], real part 0: reflects alike at all angles; empty: all do.  kept_: energy reflection at random incidence over
+  /// that of the impedance, below 1 where the absorption is more than any impedance has.
+  std::vector<std::complex<double>> impedance_;
+  std::vector<double> kept_;
   std::vector<double> mean_absorption_;
   std::vector<std::uint8_t> solid_;  ///< by triangle; empty: none
   bool transmits_ = false;

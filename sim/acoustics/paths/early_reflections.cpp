@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <glm/geometric.hpp>
 #include <numbers>
 
@@ -99,7 +100,9 @@ struct MirrorPath {
   const PlaneSequence& sequence;
   std::array<glm::dvec3, kMaxOrder> point;                       ///< of reflection, by the order from the source
   std::array<std::uint32_t, kMaxOrder> met_plane{}, met_fold{};  ///< of the triangles there
+  std::array<double, kMaxOrder> cosine{};                        ///< of the angle of incidence
   std::array<double, kMaxBands> energy_fraction;                 ///< that the reflections keep
+  std::array<double, kMaxBands> phase_rad{};                     ///< of locally reacting walls
   [[nodiscard]] std::size_t order() const { return static_cast<std::size_t>(sequence.order); }
   [[nodiscard]] std::span<const std::uint32_t> planes() const { return std::span(sequence.plane).first(order()); }
 };
@@ -114,6 +117,7 @@ bool find_reflection_points(const AcousticScene& scene, glm::dvec3 image, glm::d
     const MirrorPlane& rounded = mirror_at(scene, sequence.plane[i]);
     const ExactPlane plane(rounded);
     const double start_height = plane.height(start), image_height = plane.height(image);
+    path.cosine[i] = std::abs(start_height - image_height) / glm::length(image - start);
     const bool at_edge = i + 1 < sequence.order && std::abs(start_height) < edge_m;
     if (!at_edge && !(start_height * image_height < 0)) return false;
     path.point[i] = at_edge ? start : start + start_height / (start_height - image_height) * (image - start);
@@ -169,8 +173,15 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
       material = scene.scene().mesh().triangle_material[hit.triangle];
       origin = offset_from_surface(hit.position, hit.normal);
     }
+    const bool by_angle = scene.surfaces().reacts_locally(material);
     for (int band = 0; band < scene.num_bands(); ++band) {
-      path.energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+      if (!by_angle) {
+        path.energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
+        continue;
+      }
+      const std::complex<double> pressure = scene.surfaces().mirror_pressure(material, band, path.cosine[i]);
+      path.energy_fraction[band] *= std::norm(pressure) * (1.0 - scene.scattering(material)[band]);
+      path.phase_rad[band] += std::arg(pressure);
     }
   }
   return !rays.occluded(origin, source);
@@ -302,6 +313,8 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   const glm::dvec3 departure = path.point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;
   arrival.phase_rad.fill(0.f);
+  for (int band = 0; scene.surfaces().any_reacts_locally() && band < scene.num_bands(); ++band)
+    arrival.phase_rad[band] = static_cast<float>(std::remainder(path.phase_rad[band], 2.0 * std::numbers::pi));
   arrival.identity = path_identity(arrival.kind, path.planes());
   arrival.departure = glm::vec3(departure / std::max(glm::length(departure), 1e-12));
   arrival.distance_m = static_cast<float>(distance_m);
@@ -316,7 +329,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   for (int band = 0; band < scene.num_bands(); ++band) {
     lost[band] = path.energy_fraction[band] * std::max(1.0 - panels.energy_fraction[band], 0.0);
     path.energy_fraction[band] *= panels.energy_fraction[band];
-    arrival.phase_rad[band] = static_cast<float>(std::remainder(panels.phase_rad[band], 2.0 * std::numbers::pi));
+    arrival.phase_rad[band] = static_cast<float>(std::remainder(path.phase_rad[band] + panels.phase_rad[band], 2.0 * std::numbers::pi));
   }
   if (!set_amplitude(scene, distance_m, lost, scattered)) scattered.order = 0;
   return set_amplitude(scene, distance_m, path.energy_fraction, arrival);

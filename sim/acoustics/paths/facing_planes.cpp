@@ -105,8 +105,8 @@ class FacingPlanes::Family {
 
 FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source) : source_(source), emission_(source, scene.bands()) {
   least_bounces_ = static_cast<std::uint16_t>(scene.image_order() + 1);
-  // Without image paths mirrors are the tracers' alone.
-  if (scene.image_order() > 0) find_pairs(scene);
+  // Without image paths mirrors are the tracers' alone; the images of a row have angles of their own.
+  if (scene.image_order() > 0 && !scene.surfaces().any_reacts_locally()) find_pairs(scene);
 }
 
 void FacingPlanes::find_pairs(const AcousticScene& scene) {

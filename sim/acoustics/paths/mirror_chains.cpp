@@ -196,10 +196,12 @@ bool MirrorChains::find_path(const AcousticScene& scene, std::uint32_t chain, gl
   at = glm::dvec3(listener);
   for (std::uint32_t n = chain; n != kSource; n = nodes_[n].parent) {
     step(nodes_[n], at);
-    const Hit hit = rays.intersect(origin, glm::vec3(glm::normalize(at - glm::dvec3(origin))));
+    const glm::dvec3 direction = glm::normalize(at - glm::dvec3(origin));
+    const Hit hit = rays.intersect(origin, glm::vec3(direction));
     if (!hit.valid() || scene.plane_of_triangle()[hit.triangle] != nodes_[n].plane) return false;
     const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-    for (int b = 0; b < scene.num_bands(); ++b) kept[static_cast<std::size_t>(b)] *= specular_fraction(scene, material, b);
+    const double cosine = std::abs(glm::dot(direction, glm::dvec3(hit.normal)));
+    for (int b = 0; b < scene.num_bands(); ++b) kept[static_cast<std::size_t>(b)] *= specular_fraction(scene, material, b, cosine);
     origin = offset_from_surface(hit.position, hit.normal);
   }
   return !rays.occluded(origin, source_.position);

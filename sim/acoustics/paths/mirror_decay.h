@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <complex>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <vector>
@@ -13,6 +14,13 @@ namespace earshot {
 inline double specular_fraction(const AcousticScene& scene, std::uint32_t material, int band) {
   const auto b = static_cast<std::size_t>(band);
   return double{scene.reflectance(material)[b]} * (1.0 - scene.scattering(material)[b]);
+}
+
+/// The same at an angle of incidence with this cosine.
+inline double specular_fraction(const AcousticScene& scene, std::uint32_t material, int band, double cosine) {
+  if (!scene.surfaces().reacts_locally(material)) return specular_fraction(scene, material, band);
+  return std::norm(scene.surfaces().mirror_pressure(material, band, cosine)) *
+         (1.0 - scene.scattering(material)[static_cast<std::size_t>(band)]);
 }
 
 /// The decay of the diffuse field about a source, with which long chains of mirrors are compared.

@@ -311,6 +311,9 @@ void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& rand
       ++ray.chain_length;
       if (trace.candidates.long_chains()) trace.candidates.long_chains()->extend(ray.long_chain, plane);
     }
+    if (const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle]; scene.surfaces().reacts_locally(material))
+      scene.surfaces().scale_by_angle(material, double{std::abs(glm::dot(ray.direction, hit.normal))},
+                                      std::span(ray.throughput).first(static_cast<std::size_t>(scene.num_bands())));
     ray.direction = mirror_direction(ray.direction, hit.normal);
   }
   // The last bounce goes on only for the sake of the source volume behind a mirror.

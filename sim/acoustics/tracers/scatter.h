@@ -90,6 +90,14 @@ Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::a
       energy.weight[b] *= factor;
     }
   };
+  const auto leave_as_from_mirror = [&](float probability) -> Departure {
+    take(model.mirror(material), probability);
+    if (scene.surfaces().reacts_locally(material))
+      scene.surfaces().scale_by_angle(material, double{std::abs(glm::dot(direction, hit.normal))},
+                                      std::span(energy.arriving).first(static_cast<std::size_t>(scene.num_bands())));
+    direction = mirror_direction(direction, hit.normal);
+    return {Leaving::mirror, 0.f};
+  };
   float through_probability = 0.f;
   if (model.transmits(material)) {
     const float* transmitted = model.transmitted(material);
@@ -113,9 +121,7 @@ Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::a
       direction = lambert_direction(hit.normal, u[0], u[1]);
       return {Leaving::rough, 0.f};
     }
-    take(model.mirror(material), 1.f - through_probability - diffuse_probability);
-    direction = mirror_direction(direction, hit.normal);
-    return {Leaving::mirror, 0.f};
+    return leave_as_from_mirror(1.f - through_probability - diffuse_probability);
   }
   // Which lobe?  Without a mirror the last one has all that is left.
   std::array<float, kLobeLadder> lobe_probability;
@@ -129,11 +135,7 @@ Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::a
     behind += lobe_probability[i];
     if (!is_chosen && (is_last || u[2] < behind)) chosen = &lobes[i], is_chosen = true;
   }
-  if (!is_chosen) {
-    take(model.mirror(material), left);
-    direction = mirror_direction(direction, hit.normal);
-    return {Leaving::mirror, 0.f};
-  }
+  if (!is_chosen) return leave_as_from_mirror(left);
   // One direction for the whole mixture, weighed by the density of the whole mixture (one-sample balance heuristic).
   direction = diffuse ? lambert_direction(hit.normal, u[0], u[1]) : chosen->lobe->sample(hit.normal, in, u[0], u[1], u[3]);
   const float cosine = std::max(glm::dot(hit.normal, direction), 0.f);

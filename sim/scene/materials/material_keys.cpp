@@ -29,14 +29,19 @@ std::vector<ConfigKey> declare_all() {
       declare("coefficients", KeyType::choice, Allowed::any(), "Meaning of the numbers: fractions of the energy, or of the pressure.");
   reading.choices = {"energy", "pressure"};
   reading.default_value = "energy";
+  ConfigKey angle = declare(entry + "angle", KeyType::choice, Allowed::any(),
+                            "Specular reflection by the angle: the same at all (random), or as from a locally reacting surface.");
+  angle.choices = {"random", "locally_reacting"};
+  angle.default_value = "random";
   std::vector<ConfigKey> keys{
       version,
       reading,
       declare_required("materials[]", KeyType::section, Allowed::any(), "List of materials, with entries of these keys."),
       declare_required(entry + "name", KeyType::text, Allowed::any(), "Name, which no other material has."),
       declare(entry + "labels", KeyType::texts, Allowed::text("a label"), "Names of mesh materials or categories that it stands for."),
-      declare_required(entry + "absorption", KeyType::numbers, fraction,
-                       "Absorption coefficient, transmitted energy included: [Hz, value, Hz, value, ...]."),
+      declare_required(
+          entry + "absorption", KeyType::numbers, fraction,
+          "Absorption coefficient, transmitted energy included: [Hz, value, Hz, value, ...]. Absent where impedance is given."),
       declare_required(entry + "scattering", KeyType::numbers, fraction,
                        "Fraction of the reflected energy that leaves diffusely: [Hz, value, ...]."),
       declare(entry + "transmission", KeyType::numbers, fraction,
@@ -44,8 +49,11 @@ std::vector<ConfigKey> declare_all() {
       declare(entry + "damping", KeyType::numbers, Allowed::between(0, 1e6), "Damping inside the material in dB/m: [Hz, value, ...]."),
       declare(entry + "speed", KeyType::number, Allowed::at_least(0), "Speed of sound in the material in m/s."),
       declare(entry + "density", KeyType::number, Allowed::at_least(0), "Density in kg/m3."),
+      angle,
+      declare(entry + "impedance", KeyType::numbers, Allowed::between(-1e6, 1e6),
+              "Specific impedance of a locally reacting surface, over that of air: [Hz, real, imaginary, ...]. The real part is positive."),
       declare(entry + "source", KeyType::text, Allowed::text("text, or a map with a text for each key"), "Source of the numbers.")};
-  for (const char* name : {"absorption", "scattering", "transmission", "damping", "speed", "density"})
+  for (const char* name : {"absorption", "scattering", "transmission", "damping", "speed", "density", "impedance"})
     keys.push_back(declare(std::string(kSource) + name, KeyType::text, Allowed::any(), "Source of the numbers of this key."));
   return keys;
 }

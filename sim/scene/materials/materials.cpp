@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -18,6 +19,7 @@
 #include "sim/base/text/schema_version.h"
 #include "sim/base/text/text_match.h"
 #include "sim/scene/materials/material_keys.h"
+#include "sim/scene/materials/wall_impedance.h"
 
 namespace earshot {
 namespace {
@@ -65,6 +67,41 @@ CoefficientCurve read_curve(const Entry& entry, const std::string& key) {
     curve.value.push_back(value);
   }
   return curve;
+}
+
+/// Whether the surface is locally reacting, and its impedance, with the absorption that belongs to it.
+void read_angle(const Entry& entry, Material& material) {
+  const Json& json = entry.json;
+  if (json.contains("angle")) {
+    if (json["angle"] != "random" && json["angle"] != "locally_reacting")
+      entry.fail("angle", json_text_of_any_bytes(json["angle"]) + " is not known", "write \"random\" or \"locally_reacting\"");
+    material.locally_reacting = json["angle"] == "locally_reacting";
+  }
+  if (!json.contains("impedance")) return;
+  if (json.contains("angle") && !material.locally_reacting)
+    entry.fail("angle", "is random beside an impedance", "write \"locally_reacting\", or leave one of them out");
+  if (json.contains("absorption")) entry.fail("absorption", "is given beside an impedance", "leave it out: it follows from the impedance");
+  material.locally_reacting = true;
+  const Json& list = json["impedance"];
+  if (!list.is_array() || list.empty() || list.size() % 3 != 0)
+    entry.fail("impedance", "is not a list of triples", "write [Hz, real, imaginary, Hz, real, imaginary, ...]");
+  const auto largest = static_cast<float>(material_entry_key("impedance").allowed.high);
+  std::map<float, std::complex<float>> points;
+  for (std::size_t i = 0; i < list.size(); i += 3) {
+    const float hz = read_number(entry, "impedance", list[i]), real = read_number(entry, "impedance", list[i + 1]),
+                imaginary = read_number(entry, "impedance", list[i + 2]);
+    if (!(hz > 0)) entry.fail("impedance", fmt::format("frequency {} Hz is not positive", hz), "write frequencies above 0 Hz");
+    if (!(real > 0 && real <= largest && std::abs(imaginary) <= largest))
+      entry.fail("impedance", fmt::format("{} + {} j at {} Hz is not possible", real, imaginary, hz),
+                 fmt::format("write a real part above 0, and numbers up to {:.0e}", largest));
+    points[hz] = {real, imaginary};
+  }
+  for (const auto& [hz, impedance] : points) {
+    for (CoefficientCurve* curve : {&material.impedance_real, &material.impedance_imaginary, &material.absorption}) curve->hz.push_back(hz);
+    material.impedance_real.value.push_back(impedance.real());
+    material.impedance_imaginary.value.push_back(impedance.imag());
+    material.absorption.value.push_back(static_cast<float>(random_incidence_absorption(std::complex<double>(impedance))));
+  }
 }
 
 std::string read_text(const Entry& entry, const std::string& key) {
@@ -129,14 +166,18 @@ Material read_material(const Json& json, std::size_t index, const std::string& w
     entry.fail(key, "is unknown", nearest.empty() ? "remove it" : "did you mean '" + nearest + "'?");
   }
   for (const char* key : {"absorption", "scattering"}) {
-    if (!json.contains(key)) entry.fail(key, "is missing", "add [Hz, value, ...]");
+    if (!json.contains(key) && (std::string_view(key) == "scattering" || !json.contains("impedance")))
+      entry.fail(key, "is missing", "add [Hz, value, ...]");
   }
-  material.absorption = read_curve(entry, "absorption");
+  read_angle(entry, material);
+  if (json.contains("absorption")) material.absorption = read_curve(entry, "absorption");
   material.scattering = read_curve(entry, "scattering");
   material.transmission = json.contains("transmission") ? read_curve(entry, "transmission") : CoefficientCurve::constant(0);
   material.damping_db_per_m = json.contains("damping") ? read_curve(entry, "damping") : CoefficientCurve::constant(0);
-  if (import.reading == CoefficientReading::pressure) read_as_pressure(material);
+  if (import.reading == CoefficientReading::pressure && material.impedance_real.hz.empty()) read_as_pressure(material);
   if (!import.keep_transmission) limit_transmission(entry, material, import.warnings);
+  if (material.locally_reacting && std::ranges::any_of(material.transmission.value, [](float tau) { return tau > 0; }))
+    entry.fail("angle", "is that of a surface that transmits", "a locally reacting surface transmits nothing here; leave one of them out");
   if (json.contains("labels")) {
     if (!json["labels"].is_array()) entry.fail("labels", "is not a list", "write [\"wall\", ...]");
     for (const Json& label : json["labels"]) {

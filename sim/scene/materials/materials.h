@@ -27,6 +27,11 @@ struct Material {
   CoefficientCurve absorption, scattering, transmission;
   CoefficientCurve damping_db_per_m;  ///< inside the material
   float speed_m_per_s = 0, density_kg_per_m3 = 0;
+  /// Specular reflections depend on the angle as from a locally reacting wall (wall_impedance.h).  false: the same at every angle.
+  bool locally_reacting = false;
+  /// Specific impedance of a locally reacting wall, of equal frequencies; empty: the real one that its absorption belongs to.  absorption
+  /// is then that of this impedance at random incidence.
+  CoefficientCurve impedance_real, impedance_imaginary;
   std::string source;                          ///< where the numbers come from, all of it as one text
   std::map<std::string, std::string> sources;  ///< per key (absorption, scattering, ...), if the file says it per key
   std::string category;                        ///< semantic category that chose this material (semantic_materials.h); empty if none did
@@ -56,9 +61,10 @@ struct MaterialImport {
 };
 
 /// Materials by exact name.  JSON: {"coefficients": "energy" or "pressure", "materials": [{"name", "labels", "absorption", "scattering",
-/// "transmission", "damping", "speed", "density", "source"}]}, curves as [Hz, value, ...]; name, absorption and scattering are required,
-/// the others default to none or 0.  "source" is text, or one text per key: {"absorption": "...", ...}.  The files of the predecessor (flat
-/// arrays, labels, damping, speed, density) are of this layout too.
+/// "transmission", "damping", "speed", "density", "angle", "impedance", "source"}]}, curves as [Hz, value, ...]; name, absorption and
+/// scattering are required, the others default to none or 0; with "impedance", [Hz, real, imaginary, ...], absorption follows from it.
+/// "source" is text, or one text per key: {"absorption": "...", ...}.  The files of the predecessor (flat arrays, labels, damping, speed,
+/// density) are of this layout too.
 class MaterialDatabase {
  public:
   /// Throws InputError: missing file, JSON syntax with byte position, missing or mistyped key, coefficient outside [0, 1] or not a
