@@ -23,6 +23,7 @@ constexpr double kReachOfPanel = 4.0;     // times the root of its area: longer 
 constexpr double kLeastHeightM = 0.01;    // from where rays start
 constexpr double kSlackM = 2e-3;          // of bounds, and of the length of rays
 constexpr double kLeastGain = 0.1;        // sums over few images may fall below what is possible
+constexpr double kLeastEffect = 0.003;    // of a wall or an edge: 0.013 dB
 constexpr double kSquareCosine = 0.26;    // of edges that make a corner: 75 to 105 degrees
 constexpr double kLeastEdgeRad = 50.0 * std::numbers::pi / 180.0;
 
@@ -44,6 +45,12 @@ double sine_integral(double x) {
 double one_mirror(double waves) {
   const double x = 8.0 * waves - 1.0;
   return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(std::numbers::pi * x);
+}
+
+/// How much a plane of this area counts.
+double size_weight(double area_m2, double wavenumber) {
+  const double half_m = std::numbers::pi / wavenumber, size = area_m2 / (half_m * half_m);
+  return -std::expm1(-size * size);
 }
 
 bool holds(const MirrorPlane& plane, glm::dvec3 p) {
@@ -80,7 +87,7 @@ struct WallPower::NearWalls {
 };
 
 WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
-    : all_bands_(all_bands), num_bands_(static_cast<std::size_t>(surfaces.num_bands())) {
+    : all_bands_(all_bands), least_effect_(all_bands ? 0.0 : kLeastEffect), num_bands_(static_cast<std::size_t>(surfaces.num_bands())) {
   const double speed = surfaces.speed_of_sound_m_per_s();
   const BandLayout& bands = surfaces.bands();
   reach_m_ = speed / bands.centre_hz.front();
@@ -95,6 +102,7 @@ WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
     if (!(plane.area_m2 >= kMinAreaM2) || plane_.size() >= kMostWalls) return;
     plane_.push_back(index);
     offset_m_.push_back(plane.offset_m);
+    for (const double wavenumber : wavenumber_) size_.push_back(static_cast<float>(size_weight(double{plane.area_m2}, wavenumber)));
     plane_reach_m_.push_back(static_cast<float>(std::min(reach_m_, kReachOfPanel * std::sqrt(double{plane.area_m2}))));
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
@@ -110,8 +118,8 @@ WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
 }
 
 std::size_t WallPower::bytes() const {
-  std::size_t sum =
-      sizeof(WallPower) + bytes_of(wavenumber_) + bytes_of(table_) + bytes_of(offset_m_) + bytes_of(plane_reach_m_) + bytes_of(plane_);
+  std::size_t sum = sizeof(WallPower) + bytes_of(wavenumber_) + bytes_of(table_) + bytes_of(offset_m_) + bytes_of(plane_reach_m_) +
+                    bytes_of(size_) + bytes_of(plane_);
   for (std::size_t axis = 0; axis < 3; ++axis) sum += bytes_of(normal_[axis]) + bytes_of(lower_[axis]) + bytes_of(upper_[axis]);
   return sum;
 }
@@ -130,10 +138,10 @@ void WallPower::find_walls(const AcousticSurfaces& surfaces, glm::dvec3 point, N
   const auto plane_at = [&](std::uint32_t index) -> const MirrorPlane& {
     return index < num_planes ? surfaces.planes()[index] : folds.planes[index - num_planes];
   };
-  // Planes whose foot may lie on them, nearest first, as many as fit.
+  // Planes whose foot may lie on them, those that may matter most first, as many as fit.
   struct Found {
     std::uint32_t plane;
-    float height_m;
+    double effect;
   };
   std::array<Found, kMaxNear> found;
   std::size_t count = 0;
@@ -145,11 +153,13 @@ void WallPower::find_walls(const AcousticSurfaces& surfaces, glm::dvec3 point, N
     if (!((fx >= lower_[0][i]) & (fx <= upper_[0][i]) & (fy >= lower_[1][i]) & (fy <= upper_[1][i]) & (fz >= lower_[2][i]) &
           (fz <= upper_[2][i])))
       continue;
-    const float distance_m = std::abs(height);
-    if (count == kMaxNear && distance_m >= found[count - 1].height_m) continue;
+    double effect = 0;
+    for (std::size_t band = 0; band < num_bands_; ++band)
+      effect = std::max(effect, double{size_[i * num_bands_ + band]} * std::abs(mean_sinc(band, 2.0 * std::abs(double{height}))));
+    if (effect < least_effect_ || (count == kMaxNear && effect <= found[count - 1].effect)) continue;
     std::size_t at = count < kMaxNear ? count++ : count - 1;
-    for (; at > 0 && found[at - 1].height_m > distance_m; --at) found[at] = found[at - 1];
-    found[at] = {plane_[i], distance_m};
+    for (; at > 0 && found[at - 1].effect < effect; --at) found[at] = found[at - 1];
+    found[at] = {plane_[i], effect};
   }
   walls.point = walls.origin = point;
   // Off the walls that it touches, of whatever part of them.
@@ -194,10 +204,9 @@ void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls)
                                            [&](const Near& other) { return other.index == num_planes + wall.fold; }));
     const auto reflectance = surfaces.reflectance(wall.material), scattering = surfaces.scattering(wall.material);
     for (std::size_t band = 0; band < num_bands_; ++band) {
-      const double half_m = std::numbers::pi / wavenumber_[band], size = double{wall.plane->area_m2} / (half_m * half_m),
-                   kept = double{reflectance[band]};
-      double weight = 2.0 * std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
-      weight *= -std::expm1(-size * size);
+      const double kept = double{reflectance[band]};
+      double weight = size_weight(double{wall.plane->area_m2}, wavenumber_[band]) * 2.0 *
+                      std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
       if (shared) {
         const double fold_share = one_mirror(2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi));
         weight *= is_fold ? fold_share : 1.0 - fold_share;
@@ -239,11 +248,17 @@ WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const 
       const glm::dvec3 way = along_first * first.normal + along_second * second.normal;
       const double distance_m = glm::length(way);
       const glm::dvec3 target = walls.point - way;
-      if (distance_m > reach_m_ || !holds(*first.plane, target) || !holds(*second.plane, target) || !is_visible(target)) continue;
-      square_edge[i][j] = std::abs(cosine) < kSquareCosine;
+      if (distance_m > reach_m_ || !holds(*first.plane, target) || !holds(*second.plane, target)) continue;
       const double share = 2.0 * std::numbers::pi / edge_rad - 3.0;
-      for (std::size_t band = 0; band < num_bands_; ++band)
-        sum[band] += share * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
+      std::array<double, kMaxBands> added;
+      double most = 0;
+      for (std::size_t band = 0; band < num_bands_; ++band) {
+        added[band] = share * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
+        most = std::max(most, std::abs(added[band]));
+      }
+      if (most < least_effect_ || !is_visible(target)) continue;
+      square_edge[i][j] = std::abs(cosine) < kSquareCosine;
+      for (std::size_t band = 0; band < num_bands_; ++band) sum[band] += added[band];
     }
   }
   // Corners of three such edges.

@@ -52,11 +52,12 @@ double band_mean_sinc(double low_hz, double high_hz, double distance_m, double s
 /// Immutable; safe from any thread.
 class WallPower {
  public:
-  /// all_bands: false leaves bands alone that would change by less than kEffectBudgetDb.
+  /// all_bands: false leaves bands alone that would change by less than kEffectBudgetDb, and walls and edges that add less than 0.013 dB.
   WallPower(const AcousticSurfaces& surfaces, bool all_bands);
 
-  /// The factor at `point`, a function of the scene and the point alone.  `surfaces`: those of the constructor.  Cost: 1 ns per plane, and
-  /// a ray for each wall, edge and corner that is near: 2 to 5 us in a furnished room.  No allocation.
+  /// The factor at `point`, of the twelve planes that may matter most; a function of the scene and the point alone.  `surfaces`: those of
+  /// the constructor.  Cost: 1 ns per plane, and a ray for each wall, edge and corner that is near: 2 to 5 us in a furnished room.  No
+  /// allocation.
   [[nodiscard]] WallGain at(const AcousticSurfaces& surfaces, glm::vec3 point) const;
 
   [[nodiscard]] std::size_t bytes() const;
@@ -70,12 +71,14 @@ class WallPower {
   [[nodiscard]] double mean_sinc(std::size_t band, double distance_m) const;
 
   bool all_bands_ = false;
+  double least_effect_ = 0;  ///< of a wall or an edge that counts
   std::size_t num_bands_ = 0;
   double reach_m_ = 0;              ///< a wavelength of the lowest band
   std::vector<double> wavenumber_;  ///< [bands], at the centre
   std::vector<float> table_;        ///< [bands][kTableSize]: S over the wavenumber at the centre times the distance
   std::array<std::vector<float>, 3> normal_, lower_, upper_;  ///< of each plane that is large enough, folds last
   std::vector<float> offset_m_, plane_reach_m_;
+  std::vector<float> size_;           ///< [planes][bands]: by the area
   std::vector<std::uint32_t> plane_;  ///< planes().size() and more: a fold
 };
 
