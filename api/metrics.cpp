@@ -88,7 +88,9 @@ Metrics measure(const Rir& rir, const MeasureOptions& options) {
     throw InputError("parameters", "'interaural' asks for standard errors, which a single response does not have", "leave it out");
   if (options.bands == "third_octaves")
     how.bands = MeasuredBands::third_octaves;
-  else if (options.bands != "octaves")
+  else if (options.bands == "octaves")
+    how.low_octave = true;
+  else
     throw InputError("bands", "'" + options.bands + "' is not a kind of bands", "use octaves or third_octaves");
   const earshot::Rir measured{rir.num_channels, rir.num_samples, static_cast<float>(rir.sample_rate_hz), rir.samples};
   return metrics_of(earshot::measure(measured, how));

@@ -54,8 +54,7 @@ class CorpusRoomWorker {
 std::string description_of(const RirCorpusConfig& config, std::size_t rooms) {
   const ListenerLayout layout = ListenerLayout::named(config.channels);
   const float rate_hz = config.acoustics.sample_rate_hz;
-  const BandLayout bands =
-      config.acoustics.bands == 0 ? BandLayout::octaves(rate_hz) : BandLayout::log_spaced(config.acoustics.bands, rate_hz);
+  const BandLayout bands = bands_of(config.acoustics);
   const auto per_room = static_cast<std::size_t>(config.sources_per_room) * static_cast<std::size_t>(config.listeners_per_source);
   Json centres = Json::array();
   for (const float hz : bands.centre_hz) centres.push_back(std::round(10 * static_cast<double>(hz)) / 10);

@@ -95,13 +95,11 @@ std::vector<std::shared_ptr<const SynthesisTables>> corpus_tables(const RirCorpu
   const float rate_hz = config.acoustics.sample_rate_hz;
   std::vector<std::string> heads = config.hrtfs;
   if (heads.empty()) heads.push_back(config.hrtf.empty() ? "sphere" : config.hrtf);
-  const int bands = config.acoustics.bands;
   std::vector<std::shared_ptr<const SynthesisTables>> tables;
   for (const std::string& name : heads) {
     std::shared_ptr<const Hrtf> head;
     if (layout.kind == ListenerKind::binaural) head = name == "sphere" ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(name, rate_hz);
-    tables.push_back(make_synthesis_tables(
-        config.acoustics, bands == 0 ? BandLayout::octaves(rate_hz) : BandLayout::log_spaced(bands, rate_hz), layout, head));
+    tables.push_back(make_synthesis_tables(config.acoustics, bands_of(config.acoustics), layout, head));
   }
   return tables;
 }

@@ -53,7 +53,9 @@ RirMeasurement reading_of(const MeasureArguments& options) {
   how.direct_delay_s = options.direct_delay_s;
   if (options.bands == "third_octaves")
     how.bands = MeasuredBands::third_octaves;
-  else if (options.bands != "octaves")
+  else if (options.bands == "octaves")
+    how.low_octave = true;
+  else
     throw InputError("--bands", "'" + options.bands + "' is not a kind of bands", "use octaves or third_octaves");
   how.is_green = options.is_green;
   how.distance_m = options.distance_m;

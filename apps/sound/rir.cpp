@@ -169,7 +169,7 @@ class PairRenderer {
                      {"energy", metrics_json(energy, request)}};
     Rir omni;
     if (omni_) omni_->render(response, orientation, key, omni);
-    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), reading_of(response, energy, request, rir), json);
+    add_sample_metrics(omni_ ? omni : rir, rir, layout, layout.channel_names(), reading_of(planned, response, energy, request, rir), json);
     const RenderEars render_ears = [&](const EnergyResponse& heard, std::uint64_t carriers, Rir& ears) {
       synthesizer_.render(heard, orientation, {key.source ^ (carriers * kCarrierStep), listener}, ears);
     };
@@ -193,11 +193,12 @@ class PairRenderer {
 
  private:
   /// Time zero of samples is that of the energy response, at the latest their last one.
-  [[nodiscard]] static RirMeasurement reading_of(const EnergyResponse& response, const RoomMetrics& energy, const ParameterRequest& request,
-                                                 const Rir& rir) {
+  [[nodiscard]] static RirMeasurement reading_of(const AcousticScene& planned, const EnergyResponse& response, const RoomMetrics& energy,
+                                                 const ParameterRequest& request, const Rir& rir) {
     const double last_s = (rir.num_samples - 1) / static_cast<double>(rir.sample_rate_hz);
     RirMeasurement how{.direct_delay_s = std::min(energy.first_arrival_s.value_or(0.0), last_s),
                        .has_direct = energy.direct_delay_s.has_value(),
+                       .low_octave = planned.config().low_octave,
                        .request = request,
                        .is_green = true};
     for (const Arrival& arrival : response.arrivals)

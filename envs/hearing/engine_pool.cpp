@@ -22,9 +22,7 @@ EnginePool::EnginePool(const EnvConfig& config, int block_samples) {
   const float rate_hz = config.acoustics.sample_rate_hz;
   std::shared_ptr<const Hrtf> hrtf;
   if (config.observation.has_ears()) hrtf = config.hrtf.empty() ? Hrtf::rigid_sphere(rate_hz) : Hrtf::from_sofa(config.hrtf, rate_hz);
-  const BandLayout bands =
-      config.acoustics.bands > 0 ? BandLayout::log_spaced(config.acoustics.bands, rate_hz) : BandLayout::octaves(rate_hz);
-  const auto tables = make_synthesis_tables(config.acoustics, bands, config.observation.layout(), hrtf);
+  const auto tables = make_synthesis_tables(config.acoustics, bands_of(config.acoustics), config.observation.layout(), hrtf);
   const StreamConfig stream = stream_config(config, block_samples, hrtf ? hrtf->fft_size() : 0);
   const auto dry_spectra = make_dry_spectra(stream, config.observation.layout().num_channels());
   const double most_speed_m_per_s = std::max(5.0, 2.0 * static_cast<double>(config.task.forward_m / config.task.step_time_s));

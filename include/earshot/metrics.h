@@ -63,7 +63,7 @@ struct MeasureOptions {
   /// Time at which the direct sound arrives; nullopt: the first sample within 20 dB of the strongest that stands above the noise (ISO
   /// 3382-1).
   std::optional<double> direct_delay_s = std::nullopt;
-  std::string bands = "octaves";  ///< or third_octaves
+  std::string bands = "octaves";  ///< from 63 Hz to 16 kHz, as far as the rate reaches; or third_octaves from 100 Hz to 10 kHz
   ParameterOptions parameters = {};
   /// Response of a figure-of-eight microphone, its null toward the source, as long as the other one: lateral parameters need it.
   std::vector<float> lateral = {};

@@ -433,7 +433,7 @@ def measure(
 
     :param direct_delay_s: Arrival time of the direct sound; by default the first sample within 20 dB of the strongest that stands above
         the noise (ISO 3382-1).
-    :param bands: "octaves" or "third_octaves".
+    :param bands: "octaves" from 63 Hz to 16 kHz, as far as the rate reaches, or "third_octaves" from 100 Hz to 10 kHz.
     :param parameters: Groups of "lateral" (J_LF, J_LFC, LG), "stage" (ST_early, ST_late) and "speech" (MTI, STI).
     :param speech_snr_db: Ratio of speech to noise for STI: one number, or seven from 125 Hz to 8 kHz; none by default.
     :param lateral: Response [samples] of a figure-of-eight microphone, its null toward the source, for "lateral".

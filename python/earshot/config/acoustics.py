@@ -92,8 +92,11 @@ class Acoustics(Section):
     #: Number of the strongest paths whose delays move smoothly from pose to pose along a trajectory. 0: none. No effect on a single
     #: response. Range: 0 to 64. Without a preset: 3.
     glide_paths: int | None = None
-    #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz. Range: 1 to 32, or 0. Without a preset: 0.
+    #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate. Range: 1 to
+    #: 32, or 0. Without a preset: 0.
     bands: int | None = None
+    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz. Without a preset: false.
+    low_octave: bool | None = None
     #: Sample rate of responses and sounds. Range: 8,000 to 96,000. Without a preset: 16000.
     sample_rate_hz: float | None = None
     #: Seed of rays and noise carriers; the same seed gives the same bits. Range: 0 to 2^64 - 1. Without a preset: 0.
@@ -176,8 +179,11 @@ class CorpusAcoustics(Section):
     #: Binaural: late sound up to this time after its onset is rendered through the head as a first-order sound field; what follows
     #: has the right level and interaural correlation only. Range: 0 to 60. Without a preset: 0.16.
     late_decode_s: float | None = None
-    #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz. Range: 1 to 32, or 0. Without a preset: 0.
+    #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate. Range: 1 to
+    #: 32, or 0. Without a preset: 0.
     bands: int | None = None
+    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz. Without a preset: false.
+    low_octave: bool | None = None
     #: Sample rate of responses and sounds. Range: 8,000 to 96,000. Without a preset: 16000.
     sample_rate_hz: float | None = None
     #: Seed of rays and noise carriers; the same seed gives the same bits. Range: 0 to 2^64 - 1. Without a preset: 0.

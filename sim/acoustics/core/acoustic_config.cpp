@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/core/acoustic_config.h"
 
-#include "sim/acoustics/core/bands.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/config_reader.h"
 
@@ -142,7 +141,11 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   read_late(reader, config);
   read_field(reader, config);
   reader.read("bands", config.bands, Allowed::between(1, kMaxBands).or_value(0),
-              "Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz.");
+              "Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate.");
+  // Recorded only where it is on: a hash of a config does not depend on what is off.
+  if (config.low_octave || reader.asks_for("low_octave"))
+    reader.read("low_octave", config.low_octave,
+                "Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz.");
   reader.read("sample_rate_hz", config.sample_rate_hz, Allowed::between(8000, 96000), "Sample rate of responses and sounds.");
   reader.read("seed", config.seed, "Seed of rays and noise carriers; the same seed gives the same bits.");
   reader.read("threads", config.threads, Allowed::between(0, 4096),
@@ -159,12 +162,18 @@ void read(ConfigReader& reader, AcousticConfig& config) {
                    "leave it out, or set source_rays=0 specular_exponent=0");
 }
 
+BandLayout bands_of(const AcousticConfig& config) {
+  return config.bands > 0 ? BandLayout::log_spaced(config.bands, config.sample_rate_hz)
+                          : BandLayout::octaves(config.sample_rate_hz, config.low_octave);
+}
+
 void validate(const AcousticConfig& config) {
   check_values(config, "");
   require(config.specular_exponent <= 0.f || config.specular_exponent >= 1.f, "specular_exponent", config.specular_exponent,
           "must be 0, at least 1, or from_scattering: a lobe wider than cos^1 has no mirror direction to speak of");
   require(std::int64_t{config.source_rays} * config.source_bounces <= 1 << 23, "source_rays", config.source_rays,
           "times source_bounces must be at most 2^23: all vertices are stored");
+  require(config.bands == 0 || !config.low_octave, "low_octave", config.low_octave, "has no effect on log-spaced bands; set bands to 0");
   require(config.rir_length_s / config.time_bin_s <= 1e6f, "rir_length_s", config.rir_length_s,
           "needs more than a million bins of time_bin_s; reduce it, or increase time_bin_s");
 }

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/acoustics/core/bands.h"
 #include "sim/base/text/config_reader.h"
 
 namespace earshot {
@@ -66,6 +67,7 @@ struct AcousticConfig {
   /// single response.  [0, 64].
   int glide_paths = 3;
   int bands = 0;                   ///< 0: octaves; otherwise this many log-spaced bands
+  bool low_octave = false;         ///< with octaves: one at 63 Hz too
   float sample_rate_hz = 16000.f;  ///< [8000, 96000]
   std::uint64_t seed = 0;
   int threads = 1;  ///< 0: all; any number gives the same bits
@@ -75,6 +77,8 @@ struct AcousticConfig {
 AcousticConfig acoustic_preset(std::string_view name);
 /// Reads any of the fields by name (switches as auto|on|off) over `config`; does not call finish().
 void read(ConfigReader& reader, AcousticConfig& config);
+/// Bands of responses under `config`.
+BandLayout bands_of(const AcousticConfig& config);
 /// Throws InputError with key, value, rule.
 void validate(const AcousticConfig& config);
 

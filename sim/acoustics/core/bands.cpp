@@ -15,17 +15,18 @@ void append_band(BandLayout& layout, double lower_hz, double centre_hz, double u
   const double cut_hz = std::min(upper_hz, nyquist_hz);
   if (layout.edge_hz.empty()) layout.edge_hz.push_back(static_cast<float>(lower_hz));
   layout.edge_hz.push_back(static_cast<float>(cut_hz));
-  // The nominal centre names the band as long as the band still contains it.
-  layout.centre_hz.push_back(static_cast<float>(centre_hz <= cut_hz ? centre_hz : std::sqrt(lower_hz * cut_hz)));
+  layout.centre_hz.push_back(static_cast<float>(upper_hz <= nyquist_hz ? centre_hz : std::sqrt(lower_hz * cut_hz)));
 }
 
 }  // namespace
 
-BandLayout BandLayout::octaves(float sample_rate_hz) {
+BandLayout BandLayout::octaves(float sample_rate_hz, bool low_octave) {
   BandLayout layout;
-  for (int k = -3; k <= 3; ++k) {
+  for (int k = low_octave ? -4 : -3; k <= 4; ++k) {
     // Exact midbands and edges of base-ten octaves (IEC 61260-1:2014, eqs. 1 to 5): an octave is a factor 10^0.3.
     const auto at = [k](double offset) { return 1000.0 * std::pow(10.0, 0.3 * (k + offset)); };
+    // Less than a third of an octave would be a band of its own for little sound: it belongs to the band below.
+    if (at(-1.0 / 6) > 0.5 * sample_rate_hz) break;
     append_band(layout, at(-0.5), at(0.0), at(0.5), 0.5 * sample_rate_hz);
   }
   return layout;

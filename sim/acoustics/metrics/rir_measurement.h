@@ -16,6 +16,7 @@ struct RirMeasurement {
   std::optional<double> direct_delay_s = std::nullopt;  ///< time of the direct sound; nullopt: that of the onset (onset.h)
   bool has_direct = true;  ///< false: the first sound counts as reverberation, as in an energy response without line of sight
   MeasuredBands bands = MeasuredBands::octaves;
+  bool low_octave = false;  ///< octaves from 63 Hz instead of 125 Hz
   ParameterRequest request{};
   /// Response of a figure-of-eight microphone at the same place with its null toward the source and the sensitivity of the other one on its
   /// axis, of equal length.  Lateral parameters need it.

@@ -17,8 +17,9 @@ namespace {
 /// Of minutes of response the first 20 s and more decide: the rest is 20 dB and more below, or noise.
 constexpr std::size_t kMaxInterauralSamples = std::size_t{1} << 21;
 
-BandLayout layout_of(MeasuredBands bands, float sample_rate_hz) {
-  return bands == MeasuredBands::octaves ? BandLayout::octaves(sample_rate_hz) : BandLayout::third_octaves(sample_rate_hz);
+BandLayout layout_of(const RirMeasurement& how, float sample_rate_hz) {
+  return how.bands == MeasuredBands::octaves ? BandLayout::octaves(sample_rate_hz, how.low_octave)
+                                             : BandLayout::third_octaves(sample_rate_hz);
 }
 /// Of the edges of the filters, octaves: a half of the bandwidth is one edge.
 double half_width_of(MeasuredBands bands) { return bands == MeasuredBands::octaves ? 0.25 : 1.0 / 12; }
@@ -57,7 +58,7 @@ double onset_s(std::span<const float> samples, double rate) { return static_cast
 RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirMeasurement& how) {
   check_measurement(rir, sample_rate_hz, how);
   const double rate = sample_rate_hz, delay_s = how.direct_delay_s ? *how.direct_delay_s : onset_s(rir, rate);
-  const BandLayout bands = layout_of(how.bands, sample_rate_hz);
+  const BandLayout bands = layout_of(how, sample_rate_hz);
   RoomMetrics metrics;
   metrics.bands_hz = bands.centre_hz;
   if (!(energy_of(rir) > 0)) {
@@ -126,7 +127,7 @@ std::vector<BandMetrics> measure_interaural(const Rir& rir, const RirMeasurement
   require(rir.num_channels == 2, "channels", rir.num_channels, "must be two");
   const double rate = static_cast<double>(rir.sample_rate_hz);
   const double delay_s = how.direct_delay_s ? *how.direct_delay_s : std::min(onset_s(rir.channel(0), rate), onset_s(rir.channel(1), rate));
-  const BandLayout bands = layout_of(how.bands, rir.sample_rate_hz);
+  const BandLayout bands = layout_of(how, rir.sample_rate_hz);
   const std::size_t heard = std::min<std::size_t>(rir.channel(0).size(), kMaxInterauralSamples);
   std::vector<BandMetrics> found(static_cast<std::size_t>(bands.size()));
   for (int band = 0; band < bands.size(); ++band) {

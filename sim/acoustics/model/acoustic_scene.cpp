@@ -47,6 +47,7 @@ std::uint64_t hash_of(const AcousticConfig& c, std::uint64_t scene_hash, bool tr
                             c.diffraction_edge_m, c.specular_exponent, c.field_error, c.field_cell_m})
     append_bytes(bytes, value);
   append_bytes(bytes, c.seed);
+  if (c.low_octave) append_bytes(bytes, c.low_octave);
   if (c.diffraction_reflections > 0) append_bytes(bytes, c.diffraction_reflections);
   // Others than the defaults, each behind a letter of its own.
   if (c.direct_rays != AcousticConfig{}.direct_rays) append_bytes(bytes, 'd'), append_bytes(bytes, c.direct_rays);

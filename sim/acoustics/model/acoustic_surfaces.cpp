@@ -48,7 +48,7 @@ FoundGeometry AcousticSurfaces::found() const {
 
 void AcousticSurfaces::set_coefficients() {
   validate(config_);
-  bands_ = config_.bands > 0 ? BandLayout::log_spaced(config_.bands, config_.sample_rate_hz) : BandLayout::octaves(config_.sample_rate_hz);
+  bands_ = bands_of(config_);
   stride_ = (num_bands() + 7) / 8 * 8;
 
   const std::vector<Material>& materials = scene_->materials();

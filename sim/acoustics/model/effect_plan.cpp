@@ -89,6 +89,7 @@ class Planner {
     decide_transmission();
     decide_air();
     decide_wall_power();
+    decide_low_octave();
     return std::move(plan_);
   }
 
@@ -385,6 +386,22 @@ class Planner {
           fmt::format("late sound, at a source or a listener in a rigid corner; walls further off than {:.1f} m play no part",
                       surfaces_.speed_of_sound_m_per_s() / surfaces_.bands().centre_hz.front()));
     }
+  }
+
+  /// A line only where there is something to decide: no built-in material has a value of its own at 63 Hz.
+  void decide_low_octave() {
+    if (config_.bands > 0) return;
+    if (config_.low_octave) return add("low_octave", true, name_of(Switch::on), kUserSet, 0, "");
+    const BandLayout low = BandLayout::octaves(config_.sample_rate_hz, true);
+    double change_db = 0;
+    for (std::uint32_t slot = 0; slot < surfaces_.scene().materials().size(); ++slot) {
+      const double at_63 = 1.0 - double{surfaces_.scene().materials()[slot].absorption.band_mean(low.edge_hz[0], low.edge_hz[1])};
+      const double at_125 = double{surfaces_.reflectance(slot)[0]};
+      change_db = std::max(change_db, std::abs(10.0 * std::log10(std::max(at_63, 1e-6) / std::max(at_125, 1e-6))));
+    }
+    if (change_db > kEffectBudgetDb)
+      add("low_octave", false, name_of(Switch::off), {change_db, "dB", BoundKind::approximated}, 0,
+          "per reflection: a material has another absorption at 63 Hz than at 125 Hz, which counts with on");
   }
 
   const AcousticSurfaces& surfaces_;

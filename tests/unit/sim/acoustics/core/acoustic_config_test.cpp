@@ -61,6 +61,7 @@ TEST(Quality, ReadsEveryKey) {
       "{direct: off, early: on, late: off, diffraction: off, transmission: auto, air_absorption: off, early_order: 1, "
       "early_candidate_rays: 7, rays: 3, max_bounces: 5, time_bin_s: 0.002, sh_order: 2, rir_length_s: 0.75, source_radius_m: 0.1, "
       "diffuse_last_segment: false, scattering: 0.5, late_decode_s: 0.25, glide_paths: 5, diffraction_reflections: 1, bands: 4, "
+      "low_octave: true, "
       "sample_rate_hz: 48000, "
       "seed: 18446744073709551615, threads: 3}");
   EXPECT_EQ(c.direct, Switch::off);
@@ -82,6 +83,7 @@ TEST(Quality, ReadsEveryKey) {
   EXPECT_EQ(c.glide_paths, 5);
   EXPECT_EQ(c.diffraction_reflections, 1);
   EXPECT_EQ(c.bands, 4);
+  EXPECT_TRUE(c.low_octave);
   EXPECT_EQ(c.sample_rate_hz, 48000.f);
   EXPECT_EQ(c.seed, 18446744073709551615u);  // H-50
   EXPECT_EQ(c.threads, 3);
@@ -104,6 +106,8 @@ TEST(Quality, MessagesNameKeyAndValue) {
   EXPECT_NE(with([](C& c) { c.late_decode_s = -0.1f; }).find("late_decode_s is -0.1; use "), std::string::npos);
   EXPECT_NE(with([](C& c) { c.glide_paths = 65; }).find("glide_paths is 65; use "), std::string::npos);
   EXPECT_NE(with([](C& c) { c.diffraction_reflections = 2; }).find("diffraction_reflections is 2; use "), std::string::npos);
+  EXPECT_NE(with([](C& c) { c.bands = 4, c.low_octave = true; }).find("low_octave"), std::string::npos);
+  EXPECT_EQ(with([](C& c) { c.low_octave = true; }), "");
   EXPECT_NE(with([](C& c) { c.bands = 33; }).find("bands is 33; use "), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = NAN; }).find("rir_length_s"), std::string::npos);
   EXPECT_NE(with([](C& c) { c.rir_length_s = -1; }).find("rir_length_s"), std::string::npos);  // H-33

@@ -6,13 +6,15 @@
 #include <cmath>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
 
 TEST(Bands, OctavesHaveExactMidbandsAndEndAtNyquist) {
   const BandLayout bands = BandLayout::octaves(16000.f);
-  const double centre_hz[] = {125.9, 251.2, 501.2, 1000, 1995, 3981, 7943};  // docs/evidence/oracles.md, Conventions, four digits
+  const double centre_hz[] = {125.9, 251.2, 501.2, 1000,
+                              1995,  3981,  6707};  // the last: sqrt(5623.4 * 8000); docs/evidence/oracles.md, Conventions, four digits
   ASSERT_EQ(bands.size(), 7);
   ASSERT_EQ(bands.edge_hz.size(), 8u);
   for (int i = 0; i < 7; ++i) {
@@ -34,10 +36,37 @@ TEST(Bands, OctavesOfOtherRatesH31) {
   EXPECT_EQ(BandLayout::octaves(11025.f).size(), 6);  // the 8 kHz octave begins at 5623 Hz
   for (const float rate : {22050.f, 44100.f, 48000.f, 96000.f}) {
     const BandLayout bands = BandLayout::octaves(rate);
-    EXPECT_EQ(bands.size(), 7) << rate;
+    EXPECT_EQ(bands.size(), rate > 28271 ? 8 : 7) << rate;  // a third of the 16 kHz octave: 11220 * 10^0.1 = 14125 Hz
     EXPECT_LE(bands.edge_hz.back(), rate / 2);
   }
-  EXPECT_NEAR(BandLayout::octaves(48000.f).edge_hz.back(), 11220.2f, 0.1f);
+  EXPECT_NEAR(BandLayout::octaves(48000.f).edge_hz.back(), 22387.2f, 0.1f);
+  EXPECT_EQ(BandLayout::octaves(12000.f).size(), 6);  // 0.1 octave above 5623 Hz is no band
+  EXPECT_EQ(BandLayout::octaves(28000.f).size(), 7);
+  EXPECT_EQ(BandLayout::octaves(28500.f).size(), 8);
+}
+
+TEST(Bands, TheLowOctaveIsOneMore) {
+  for (const float rate : {8000.f, 11025.f, 16000.f, 22050.f, 44100.f, 48000.f, 96000.f}) {
+    const BandLayout usual = BandLayout::octaves(rate), low = BandLayout::octaves(rate, true);
+    ASSERT_EQ(low.size(), usual.size() + 1);
+    EXPECT_NEAR(low.centre_hz[0], 63.0957f, 1e-3f);
+    EXPECT_NEAR(low.edge_hz[0], 44.6684f, 1e-3f);
+    EXPECT_EQ(std::vector<float>(low.centre_hz.begin() + 1, low.centre_hz.end()), usual.centre_hz);
+    EXPECT_EQ(std::vector<float>(low.edge_hz.begin() + 1, low.edge_hz.end()), usual.edge_hz);
+  }
+}
+
+// Half the rate cuts a band at any place of it: the centre is the geometric mean of what is left, and grows steadily with the rate.
+TEST(Bands, ClippedBandsHaveTheirCentreInTheMiddle) {
+  for (std::uint32_t draw = 0; draw < 20; ++draw) {
+    const RandomStream random(38, Purpose::test, 20, draw);
+    const auto rate = 8000.f + 40000.f * random.uniform(0);
+    const int count = 1 + static_cast<int>(random.below(32, 1));
+    for (const BandLayout& bands : {BandLayout::octaves(rate), BandLayout::third_octaves(rate), BandLayout::log_spaced(count, rate)}) {
+      const double low = double{bands.edge_hz[bands.edge_hz.size() - 2]}, high = double{bands.edge_hz.back()};
+      EXPECT_NEAR(double{bands.centre_hz.back()}, std::sqrt(low * high), 1e-4 * high) << rate;
+    }
+  }
 }
 
 TEST(Bands, LogSpacedO31) {

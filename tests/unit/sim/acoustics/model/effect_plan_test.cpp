@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 #include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
@@ -101,6 +102,7 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
   const auto hall = effects::hall_scene();
   AcousticConfig config = automatic_length();
   config.rays = 512;
+  config.sample_rate_hz = 24000;  // all of the octave of 8 kHz
   const AcousticScene scene(hall.scene, config);
   EXPECT_NEAR(scene.config().rir_length_s, 3.16, 0.4) << "50 dB in 2.54 s, a fifth more, and the way of 0.11 s";
   const EnergyResponse response = effects::render(scene, EarlyCandidates(scene, hall.source), hall.listeners[0]);
@@ -109,6 +111,12 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
   const EnergyResponse dry = effects::render(dry_scene, EarlyCandidates(dry_scene, hall.source), hall.listeners[0]);
   EXPECT_NEAR(*measure(scene, response).bands[6].t30_s, 1.0789, 0.03 * 1.0789);
   EXPECT_NEAR(*measure(dry_scene, dry).bands[6].t30_s, 3.0771, 0.03 * 3.0771);
+  // Half of the octave is left at 16 kHz: 1 / (1 / 3.0771 + a c / 60) with a = 0.07594 dB/m at 6707 Hz, c = 343.2 m/s.
+  config.air_absorption = Switch::automatic;
+  config.sample_rate_hz = 16000;
+  const AcousticScene clipped_scene(hall.scene, config);
+  const EnergyResponse clipped = effects::render(clipped_scene, EarlyCandidates(clipped_scene, hall.source), hall.listeners[0]);
+  EXPECT_NEAR(*measure(clipped_scene, clipped).bands[6].t30_s, 1.3170, 0.03 * 1.3170);
 
   // 0.5 s, 171.6 m: 4.4535e-4 dB/m at 125.9 Hz are 0.0764 dB, at 250 Hz 0.225 dB (docs/explanation/effect_bounds.md, section 2); RT60 of a
   // box with 0.2 is far below the 4.0 s from where 1 % of it is lost.
@@ -121,6 +129,38 @@ TEST(EffectPlan, AirIsOnInAHallAndOffInLowBandsOfAShortResponse) {
   EXPECT_FALSE(AcousticScene(hall.scene, AcousticConfig{}).plan().air[0]);
   EXPECT_TRUE(AcousticScene(rooms::box(30, 20, 12, rooms::uniform_walls(0.1, 1), 1, Air{}), AcousticConfig{}).plan().air[0])
       << "4.69 s: 1.2 % of RT60";
+}
+
+// A line where a material is given at 63 Hz, with the change of its reflections; none where values of 125 Hz are held.
+TEST(EffectPlan, NamesTheLowOctaveWhereMaterialsKnowIt) {
+  EXPECT_EQ(decision(AcousticScene(effects::box_scene().scene, AcousticConfig{}), "low_octave"), nullptr);
+  for (std::uint32_t draw = 0; draw < 10; ++draw) {
+    const RandomStream random(38, Purpose::test, 24, draw);
+    const float at_63 = 0.9f * random.uniform(0), at_125 = 0.9f * random.uniform(1);
+    Material wall = Material::uniform("wall", 0.1f, 0.f);
+    // Flat over each of the two octaves, so that the means are the values.
+    wall.absorption = {.hz = {88.f, 90.f}, .value = {at_63, at_125}};
+    std::array<Material, 6> walls;
+    walls.fill(wall);
+    const auto room = rooms::box(6, 5, 3, walls);
+    const double change_db = std::abs(10 * std::log10((1 - double{at_63}) / (1 - double{at_125})));
+    const AcousticScene usual(room, AcousticConfig{});
+    const EffectDecision* left_out = decision(usual, "low_octave");
+    ASSERT_EQ(left_out != nullptr, change_db > 0.1) << at_63 << " " << at_125;
+    if (left_out != nullptr) {
+      EXPECT_FALSE(left_out->on);
+      EXPECT_NEAR(left_out->change, change_db, 0.05 + 0.05 * change_db);  // 88 to 90 Hz straddle the edge
+    }
+    AcousticConfig config;
+    config.low_octave = true;
+    const AcousticScene low(room, config);
+    EXPECT_TRUE(decision(low, "low_octave")->on);
+    ASSERT_EQ(low.num_bands(), usual.num_bands() + 1);
+    EXPECT_EQ(low.padded_bands(), usual.padded_bands());
+    EXPECT_NEAR(low.reflectance(0)[0], 1.f - at_63, 0.03f);
+    EXPECT_EQ(low.reflectance(0)[1], usual.reflectance(0)[0]);
+    EXPECT_NE(low.hash(), usual.hash());
+  }
 }
 
 TEST(EffectPlan, AirThatIsOffKeepsTheBudgetDownTo45dB) {
