@@ -116,6 +116,7 @@ std::vector<ConvergedPose> converge(const AcousticScene& high, const EarlyCandid
     if (truth[i].runs == 0) {
       sum.arrivals = run.arrivals;  // deterministic: the same in every run
       sum.speed_of_sound_m_per_s = run.speed_of_sound_m_per_s;
+      sum.air = run.air;
       sum.late = run.late;
       sum.stats = run.stats;
     } else {

@@ -137,6 +137,7 @@ std::vector<BandErrors> late_errors(const AcousticScene& scene, const EnergyResp
   rest.arrivals = response.arrivals;
   rest.late = response.late;
   rest.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
+  rest.air = response.air;
   set_batch_errors(scene, response, scattered, rest, errors);
   if (!batches.unseen.empty()) add_unseen_errors(scene, response, rest, errors);
   return errors;

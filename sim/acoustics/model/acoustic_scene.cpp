@@ -92,9 +92,10 @@ AcousticScene::AcousticScene(AcousticSurfaces surfaces, std::shared_ptr<const Ef
       field_grid_(std::make_shared<LazyGrid>()),
       plane_cells_(std::make_shared<const PlaneCells>()) {
   const FlushDenormals flush;
-  air_.assign(num_bands(), 0.f);
   for (int band = 0; band < num_bands(); ++band) {
-    if (plan_->air[band]) air_[band] = static_cast<float>(air_absorption_energy_per_m(this->scene().air(), bands().centre_hz[band]));
+    if (!plan_->air[band]) continue;
+    air_.curve = air_curve(this->scene().air());
+    air_.band_per_m[band] = static_cast<float>(air_absorption_energy_per_m(this->scene().air(), bands().centre_hz[band]));
   }
   reflection_model_ = std::make_shared<const ReflectionModel>(surfaces_, plan_->traced_transmission);
   if (plan_->wall_power) wall_power_ = std::make_shared<const WallPower>(surfaces_, config_.wall_power == Switch::on);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sim/acoustics/core/acoustic_config.h"
+#include "sim/acoustics/core/air_loss.h"
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/effect_plan.h"
@@ -66,7 +67,11 @@ class AcousticScene {
   /// Longest path that still arrives within the configured RIR length.
   [[nodiscard]] float max_path_m() const { return config_.rir_length_s * speed_of_sound_m_per_s(); }
   /// Energy exponent of air per band, at its centre; zero where air absorption is off.
-  [[nodiscard]] std::span<const float> air_energy_per_m() const { return air_; }
+  [[nodiscard]] std::span<const float> air_energy_per_m() const {
+    return std::span(air_.band_per_m).first(static_cast<std::size_t>(num_bands()));
+  }
+  /// The same with the loss over frequency.
+  [[nodiscard]] const AirLoss& air_loss() const { return air_; }
   /// Reflected, scattered and transmitted fractions of the surfaces, for the tracers; with transmission if traces_transmission(*this).
   [[nodiscard]] const ReflectionModel& reflection_model() const { return *reflection_model_; }
 
@@ -91,7 +96,7 @@ class AcousticScene {
   AcousticSurfaces surfaces_;
   std::shared_ptr<const EffectPlan> plan_;
   AcousticConfig config_;
-  std::vector<float> air_;
+  AirLoss air_;
   std::shared_ptr<const ReflectionModel> reflection_model_;
   std::shared_ptr<const WallPower> wall_power_;  ///< null: off
   struct LazyGrid;

@@ -6,7 +6,7 @@
 
 namespace earshot {
 
-double air_absorption_db_per_m(const Air& air, double frequency_hz) {
+AirCurve air_curve(const Air& air) {
   constexpr double reference_k = 293.15, triple_point_k = 273.16, reference_kpa = 101.325;
   const double temperature_k = air.temperature_c + 273.15;
   const double ratio = temperature_k / reference_k;
@@ -20,13 +20,16 @@ double air_absorption_db_per_m(const Air& air, double frequency_hz) {
   const double oxygen_hz = pressure * (24.0 + 4.04e4 * vapour * (0.02 + vapour) / (0.391 + vapour));
   const double nitrogen_hz = pressure / std::sqrt(ratio) * (9.0 + 280.0 * vapour * std::exp(-4.170 * (std::pow(ratio, -1.0 / 3.0) - 1.0)));
 
-  // Eq. 5.  8.686 is 20 / ln 10 as the standard rounds it.
-  const double f2 = frequency_hz * frequency_hz;
-  const double classical = 1.84e-11 / pressure * std::sqrt(ratio);
-  const double oxygen = 0.01275 * std::exp(-2239.1 / temperature_k) / (oxygen_hz + f2 / oxygen_hz);
-  const double nitrogen = 0.1068 * std::exp(-3352.0 / temperature_k) / (nitrogen_hz + f2 / nitrogen_hz);
-  return 8.686 * f2 * (classical + std::pow(ratio, -2.5) * (oxygen + nitrogen));
+  // Eq. 5.
+  return {.classical = 1.84e-11 / pressure * std::sqrt(ratio),
+          .relaxation = std::pow(ratio, -2.5),
+          .oxygen = 0.01275 * std::exp(-2239.1 / temperature_k),
+          .oxygen_hz = oxygen_hz,
+          .nitrogen = 0.1068 * std::exp(-3352.0 / temperature_k),
+          .nitrogen_hz = nitrogen_hz};
 }
+
+double air_absorption_db_per_m(const Air& air, double frequency_hz) { return air_curve(air).db_per_m(frequency_hz); }
 
 double air_absorption_energy_per_m(const Air& air, double frequency_hz) {
   return air_absorption_db_per_m(air, frequency_hz) * std::numbers::ln10 / 10.0;

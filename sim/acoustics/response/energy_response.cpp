@@ -87,6 +87,7 @@ void compute_energy_response(const AcousticScene& scene, const EarlyCandidates& 
     throw InputError(fmt::format("listener ({}, {}, {}) in {}", listener.x, listener.y, listener.z, scene.scene().name()),
                      "is not a valid position in a scene", "give three finite numbers in metres");
   response.speed_of_sound_m_per_s = scene.speed_of_sound_m_per_s();
+  response.air = scene.air_loss();
   response.arrivals.clear();
   response.scattered.clear();
   const PoseEffects effects = is_sphere(scene, candidates.sound_source(), listener)

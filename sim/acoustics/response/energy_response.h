@@ -29,6 +29,7 @@ struct EnergyResponse {
   EffectCounters effects;            ///< of this pose
   LateBatches batches;               ///< parts of the late field for late_errors(); only from the bidirectional tracer
   float speed_of_sound_m_per_s = 0;  ///< turns distances of arrivals into times; > 0 once computed
+  AirLoss air;                       ///< that the arrivals have behind them, for their spectra between the centres of bands
   ListenerMemory memory;             ///< of the rays of this listener, for sources that move; no part of the result
 };
 

@@ -42,7 +42,8 @@ bool ArrivalFilters::make(const Arrival& arrival, const ListenerOrientation& ori
   EARSHOT_EXPECT(delay_samples.size() == static_cast<std::size_t>(num_channels()));
   EARSHOT_EXPECT(taps.size() == delay_samples.size() * static_cast<std::size_t>(num_taps()) && speed_of_sound_m_per_s > 0);
   const auto num_bands = static_cast<std::size_t>(tables.num_bands);
-  bands_.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands));
+  bands_.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands),
+             static_cast<double>(arrival.distance_m));
   if (bands_.silent()) return false;
   const double samples_per_m = static_cast<double>(tables.sample_rate_hz) / static_cast<double>(speed_of_sound_m_per_s);
   std::ranges::fill(delay_samples, static_cast<double>(arrival.distance_m) * samples_per_m);
@@ -99,7 +100,7 @@ void ArrivalFilters::to_microphones(const Arrival& arrival, const ListenerOrient
                                     std::span<double> delay_samples, std::span<float> taps) {
   for (std::size_t i = 0; i < tables_->layout.microphones.size(); ++i) {
     const MicrophoneWave wave(*tables_, i, arrival, orientation);
-    bands_.set(wave.amplitude(), wave.phase_rad());
+    bands_.set(wave.amplitude(), wave.phase_rad(), static_cast<double>(arrival.distance_m));
     if (tables_->low_passes.empty() || !tables_->low_passes[i])
       std::ranges::fill(spectrum_[0], Complex(1.f));
     else

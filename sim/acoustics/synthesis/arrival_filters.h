@@ -23,6 +23,8 @@ class ArrivalFilters {
   [[nodiscard]] int num_channels() const;
   [[nodiscard]] int num_taps() const;  ///< a power of two
 
+  /// Of the arrivals that follow (ArrivalSpectrum).
+  void set_air(const AirLoss& air) { bands_.set_air(air); }
   /// delay_samples: [num_channels], of time zero.  taps: [num_channels, num_taps], time zero at tap num_taps / 2.  False, and nothing
   /// written, if no band of the arrival sounds.  About 10 us for two ears at 16 kHz; no allocation.
   bool make(const Arrival& arrival, const ListenerOrientation& orientation, float speed_of_sound_m_per_s, std::span<double> delay_samples,

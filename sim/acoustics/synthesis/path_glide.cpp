@@ -94,6 +94,7 @@ void PathGlider::advance(const EnergyResponse& response, std::span<const std::ui
   now.count = 0;
   paths.moves_ = std::exchange(paths.known_, true);
   paths.samples_ = samples > 0 ? samples : block_samples_;
+  filters_.set_air(response.air);
   for (std::size_t i = 0; i < marked.size(); ++i) {
     if (marked[i] == 0) continue;
     const std::size_t path = now.count, row = path * num_channels_;

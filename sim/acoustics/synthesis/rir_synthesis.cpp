@@ -196,7 +196,7 @@ void RirSynthesizer::add_to_microphones(const Pass& pass, const Arrival& arrival
   const SynthesisTables& tables = *tables_;
   for (std::size_t i = 0; i < tables.layout.microphones.size(); ++i) {
     const MicrophoneWave wave(tables, i, arrival, pass.orientation);
-    scratch_->bands.set(wave.amplitude(), wave.phase_rad());
+    scratch_->bands.set(wave.amplitude(), wave.phase_rad(), static_cast<double>(arrival.distance_m));
     if (scratch_->bands.silent()) continue;
     const double delay = wave.distance_m() * pass.samples_per_m;
     if (delay > -tables.early_fft && delay < rir.num_samples + tables.early_fft / 2) add_impulse(delay, i, rir);
@@ -209,7 +209,8 @@ void RirSynthesizer::add_arrival(const Pass& pass, const Arrival& arrival, Rir& 
   if (tables.layout.kind == ListenerKind::array) return add_to_microphones(pass, arrival, rir);
   if (!(delay_samples >= 0 && delay_samples < rir.num_samples + tables.early_fft / 2)) return;
   const auto num_bands = static_cast<std::size_t>(tables.num_bands);
-  scratch_->bands.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands));
+  scratch_->bands.set(std::span(arrival.amplitude).first(num_bands), std::span(arrival.phase_rad).first(num_bands),
+                      static_cast<double>(arrival.distance_m));
   if (scratch_->bands.silent()) return;
   if (tables.layout.kind == ListenerKind::mono) add_impulse(delay_samples, 0, rir);
   if (tables.layout.kind == ListenerKind::binaural) add_to_ears(pass, arrival, delay_samples, rir);
@@ -381,6 +382,7 @@ void RirSynthesizer::render(const EnergyResponse& response, const ListenerOrient
     if (arrival.kind == ArrivalKind::direct)
       onset_sample = std::clamp(static_cast<double>(arrival.distance_m) * pass.samples_per_m, 0.0, static_cast<double>(rir.num_samples));
   render_late(pass, onset_sample, rir);
+  scratch_->bands.set_air(response.air);
   EARSHOT_EXPECT(left_out.empty() || left_out.size() == response.arrivals.size());
   for (std::size_t i = 0; i < response.arrivals.size(); ++i)
     if (left_out.empty() || left_out[i] == 0) add_arrival(pass, response.arrivals[i], rir);

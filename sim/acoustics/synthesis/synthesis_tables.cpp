@@ -96,7 +96,7 @@ SynthesisTables::SynthesisTables(const AcousticConfig& config, const BandLayout&
       glide_paths(config.glide_paths),
       seed(config.seed),
       early_fft(hrtf ? hrtf->fft_size() : early_fft_for(layout, config.sample_rate_hz)),
-      filters(bands, config.sample_rate_hz, early_fft),
+      filters(bands, config.sample_rate_hz, early_fft, BandShape::line),
       carriers(make_carriers(layout, config, bands)),
       late_decode_samples(static_cast<double>(config.late_decode_s) * static_cast<double>(config.sample_rate_hz)) {
   for (const Microphone& microphone : layout.microphones) patterns.emplace_back(microphone.directivity, bands.centre_hz, bands.edge_hz);

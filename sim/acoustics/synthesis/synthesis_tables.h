@@ -30,7 +30,7 @@ class SynthesisTables {
   int num_samples, num_bands, glide_paths;
   std::uint64_t seed;
   int early_fft, late_fft = 4;
-  BandFilters filters;
+  BandFilters filters;  ///< of arrivals
   CarrierBank carriers;
   BinauralNoise binaural_noise;  ///< binaural
   double late_decode_samples;    ///< from the first late sound on
