@@ -95,7 +95,7 @@ class Acoustics(Section):
     #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate. Range: 1 to
     #: 32, or 0. Without a preset: 0.
     bands: int | None = None
-    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz. Without a preset: false.
+    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 89 Hz is that of 125 Hz. Without a preset: false.
     low_octave: bool | None = None
     #: Sample rate of responses and sounds. Range: 8,000 to 96,000. Without a preset: 16000.
     sample_rate_hz: float | None = None
@@ -182,7 +182,7 @@ class CorpusAcoustics(Section):
     #: Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate. Range: 1 to
     #: 32, or 0. Without a preset: 0.
     bands: int | None = None
-    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz. Without a preset: false.
+    #: Adds an octave at 63 Hz; only with bands 0. Without it sound below 89 Hz is that of 125 Hz. Without a preset: false.
     low_octave: bool | None = None
     #: Sample rate of responses and sounds. Range: 8,000 to 96,000. Without a preset: 16000.
     sample_rate_hz: float | None = None

@@ -145,7 +145,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   // Recorded only where it is on: a hash of a config does not depend on what is off.
   if (config.low_octave || reader.asks_for("low_octave"))
     reader.read("low_octave", config.low_octave,
-                "Adds an octave at 63 Hz; only with bands 0. Without it sound below 88 Hz is that of 125 Hz.");
+                "Adds an octave at 63 Hz; only with bands 0. Without it sound below 89 Hz is that of 125 Hz.");
   reader.read("sample_rate_hz", config.sample_rate_hz, Allowed::between(8000, 96000), "Sample rate of responses and sounds.");
   reader.read("seed", config.seed, "Seed of rays and noise carriers; the same seed gives the same bits.");
   reader.read("threads", config.threads, Allowed::between(0, 4096),
