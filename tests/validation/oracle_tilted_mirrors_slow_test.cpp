@@ -56,7 +56,7 @@ TEST(TiltedMirrorsSlow, ValuesAreThoseOfAllImages) {
       const Truth truth = by_images(mirrors, 1e-3, 1);
       AcousticConfig config = acoustic_preset(preset);
       config.air_absorption = Switch::off;
-      config.diffraction = Switch::off;
+      config.diffraction = config.wall_power = Switch::off;
       config.late = Switch::on;
       config.bands = 1;
       config.rir_length_s = 1.f;
@@ -86,7 +86,7 @@ TEST(TiltedMirrorsSlow, StatedErrorsCoverChainsThatNoBatchFound) {
     for (int seed = 1; seed <= 10; ++seed) {
       AcousticConfig config = acoustic_preset("high");
       config.air_absorption = Switch::off;
-      config.diffraction = Switch::off;
+      config.diffraction = config.wall_power = Switch::off;
       config.late = Switch::on;
       config.bands = 1;
       config.rir_length_s = 1.f;

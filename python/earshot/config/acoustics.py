@@ -31,6 +31,9 @@ class Acoustics(Section):
     diffraction: AutoOffOn | None = None
     #: Transmission through walls. auto: the effect plan decides. Without a preset: auto.
     transmission: AutoOffOn | None = None
+    #: Rise of late sound where a source or a listener is near walls (Waterhouse 1955). auto: in bands that it changes by more than
+    #: 0.1 dB. Without a preset: auto.
+    wall_power: AutoOffOn | None = None
     #: Absorption in air (ISO 9613-1). auto: the effect plan decides. Without a preset: auto.
     air_absorption: AutoOffOn | None = None
     #: Largest number of specular reflections of an image path. Range: 0 to 4. Without a preset: 2.
@@ -124,6 +127,9 @@ class CorpusAcoustics(Section):
     diffraction: AutoOffOn | None = None
     #: Transmission through walls. auto: the effect plan decides. Without a preset: auto.
     transmission: AutoOffOn | None = None
+    #: Rise of late sound where a source or a listener is near walls (Waterhouse 1955). auto: in bands that it changes by more than
+    #: 0.1 dB. Without a preset: auto.
+    wall_power: AutoOffOn | None = None
     #: Absorption in air (ISO 9613-1). auto: the effect plan decides. Without a preset: auto.
     air_absorption: AutoOffOn | None = None
     #: Largest number of specular reflections of an image path. Range: 0 to 4. Without a preset: 2.

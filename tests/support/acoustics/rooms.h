@@ -96,10 +96,10 @@ inline std::shared_ptr<const Scene> half_space(double absorption, double scatter
 
 inline std::shared_ptr<const Scene> empty() { return scene_of({}, {}); }
 
-/// Everything plain: no air, no early part, one band, exact last segments.
+/// Everything plain: no air, no early part, no interference near walls, one band, exact last segments.
 inline AcousticConfig plain_config() {
   AcousticConfig config;
-  config.air_absorption = Switch::off;
+  config.air_absorption = config.wall_power = Switch::off;
   config.early = Switch::off;
   config.bands = 1;
   config.sh_order = 0;
