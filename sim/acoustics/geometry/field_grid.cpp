@@ -5,6 +5,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <limits>
+#include <numeric>
 
 namespace earshot {
 namespace {
@@ -14,7 +15,31 @@ constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
 }  // namespace
 
-FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) {}
+FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) { find_rooms(); }
+
+/// Numbers rooms in the order of their first cells.
+void FieldGrid::find_rooms() {
+  constexpr float least_m3 = 1.f;
+  // Every tree of cells hangs from its lowest one (disjoint sets, Tarjan 1975).
+  std::vector<std::uint32_t> above(size());
+  std::iota(above.begin(), above.end(), 0u);
+  const auto root = [&](std::uint32_t cell) {
+    for (; above[cell] != cell; cell = above[cell]) above[cell] = above[above[cell]];
+    return cell;
+  };
+  for (const Passage& passage : passages()) {
+    const std::uint32_t first = root(passage.first), second = root(passage.second);
+    above[std::max(first, second)] = std::min(first, second);
+  }
+  std::vector<float> air_m3(size(), 0.f);
+  for (std::uint32_t cell = 0; cell < size(); ++cell) air_m3[root(cell)] += volume_m3(cell);
+  room_.assign(size(), no_room);
+  for (std::uint32_t cell = 0; cell < size(); ++cell) {
+    const std::uint32_t of_room = root(cell);
+    if (of_room == cell && air_m3[cell] >= least_m3) room_[cell] = num_rooms_++;
+    room_[cell] = room_[of_room];
+  }
+}
 
 /// The cell of a box that a segment crosses, or no_cell.  known: the cell found without a ray.  previous_cell: a cell of this box or of one
 /// beside it where the segment was, gap if it was in one of this box, none if that is not known.

@@ -9,6 +9,7 @@
 
 #include "sim/acoustics/geometry/air_cells.h"
 #include "sim/acoustics/geometry/cell_passages.h"
+#include "sim/base/memory_bytes.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -29,10 +30,17 @@ class FieldGrid {
   FieldGrid(const Scene& scene, float cell_m);
 
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
-  [[nodiscard]] std::size_t bytes() const { return cells_.bytes() + passages_.bytes(); }     ///< of memory
-  [[nodiscard]] glm::vec3 edge_m() const { return cells_.boxes().edge_m(); }                 ///< of a whole box
-  [[nodiscard]] glm::vec3 inside(std::uint32_t cell) const { return cells_[cell].view[0]; }  ///< a point of the cell
+  [[nodiscard]] std::size_t bytes() const { return cells_.bytes() + passages_.bytes() + bytes_of(room_); }  ///< of memory
+  [[nodiscard]] glm::vec3 edge_m() const { return cells_.boxes().edge_m(); }                                ///< of a whole box
+  [[nodiscard]] glm::vec3 inside(std::uint32_t cell) const { return cells_[cell].view[0]; }                 ///< a point of the cell
   [[nodiscard]] float volume_m3(std::uint32_t cell) const { return cells_[cell].volume_m3; }
+
+  /// In place of a room: that of a cell of a pocket of air too small to be one.
+  static constexpr std::uint32_t no_room = no_cell;
+  /// Cells that passages join make a room if they hold at least 1 m3 together.  Sound goes from one room to another through walls and slits
+  /// alone.
+  [[nodiscard]] std::uint32_t room(std::uint32_t cell) const { return room_[cell]; }
+  [[nodiscard]] std::uint32_t num_rooms() const { return num_rooms_; }
 
   /// A segment of a ray inside one cell, metres from its origin.
   struct Crossing {
@@ -60,11 +68,14 @@ class FieldGrid {
   [[nodiscard]] std::span<const Passage> passages() const { return passages_.all(); }
 
  private:
+  void find_rooms();
   [[nodiscard]] std::uint32_t cell_after(std::uint32_t previous_cell, std::uint32_t known, std::size_t box, glm::vec3 enter,
                                          glm::vec3 leave) const;
 
   AirCells cells_;
   CellPassages passages_;
+  std::vector<std::uint32_t> room_;  ///< [cells]
+  std::uint32_t num_rooms_ = 0;
 };
 
 }  // namespace earshot

@@ -8,6 +8,7 @@
 
 #include "sim/acoustics/core/band_sum.h"
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/source_field/photon_rooms.h"
 #include "sim/acoustics/tracers/listener_ray.h"
 #include "sim/acoustics/tracers/population_control.h"
 #include "sim/base/random.h"
@@ -18,17 +19,15 @@ namespace {
 using listener_ray::RayState;
 using listener_ray::Trace;
 
-/// Mean energy, relative to the start, below which the number of photons falls with it, and the fraction of that number that uneven weights
-/// are worth below which they are resampled.  They serve all listeners, and T20 ends at -25 dB.  Against 1e-2 and 0.7 the spread of T20
-/// over 16 to 24 seeds falls by 16 % in the large house of the benchmarks, 13 % in house:1 and 15 % in a shoebox, for 19 % more rays; 1e-3
-/// takes 14 % more rays yet for 3 % less.
-constexpr double kPhotonTaper = 3e-3, kPhotonUneven = 0.85;
-
 /// A photon under way.
 template <int W>
 struct Photon : RayState<W> {
   std::uint32_t cell = FieldGrid::no_cell;  ///< that holds its origin; no_cell if unknown
+  std::uint32_t room = FieldGrid::no_room;  ///< that it was seen in last
+  std::uint64_t visited = 0;                ///< rooms that it has been in (PhotonRooms::bit_of)
 };
+template <int W>
+using Rooms = PhotonRooms<W, Photon<W>>;
 
 /// Do image paths, flutter echoes, or what goes straight through walls, carry the next segment of the photon?  Its chain lists the mirrors
 /// source first.
@@ -41,16 +40,27 @@ bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
   return trace.candidates.contains(std::span(photon.chain.data(), static_cast<std::size_t>(photon.chain_length)));
 }
 
-/// Follows a photon until it has gone `until_m` and stands at a surface, or ends.
+/// Notes the room that a photon has come to.
 template <int W>
-void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float until_m, const RandomStream& random, PhotonTracks& tracks,
-             TraceStats& stats) {
+void note_room(const FieldGrid& grid, Photon<W>& photon) {
+  if (photon.cell >= FieldGrid::gap || grid.room(photon.cell) == FieldGrid::no_room) return;
+  photon.room = grid.room(photon.cell);
+  photon.visited |= Rooms<W>::bit_of(photon.room);
+}
+
+/// Follows a photon until it has gone `until_m` and stands at a surface, or ends.  rooms: null where there is one at most, or no sound goes
+/// through walls.
+template <int W>
+void advance(const Trace& trace, const FieldGrid& grid, Rooms<W>* rooms, Photon<W>& photon, float until_m, const RandomStream& random,
+             PhotonTracks& tracks, TraceStats& stats) {
   const AcousticScene& scene = trace.scene;
   while (true) {
     if (photon.at_vertex) {
       if (photon.path_m >= until_m) return;
       const glm::vec3 before = photon.direction;
-      listener_ray::leave_vertex<W>(trace, photon, random, stats);
+      const std::uint32_t wall = scene.scene().mesh().triangle_material[photon.hit.triangle];
+      const bool stays = rooms != nullptr && trace.walls->transmits(wall) && rooms->part(photon, wall);
+      listener_ray::leave_vertex<W>(trace, photon, random, stats, stays);
       if (!photon.alive) return;
       if (photon.direction == before) photon.cell = FieldGrid::no_cell;  // through a wall
     }
@@ -61,6 +71,7 @@ void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float
       if (std::isfinite(sum_over_bands<W>(photon.throughput))) {
         const auto first = static_cast<std::uint32_t>(tracks.crossings.size());
         photon.cell = grid.cross(photon.origin, photon.direction, length_m, tracks.crossings, photon.cell);
+        if (rooms != nullptr) note_room(grid, photon);
         tracks.segments.push_back({photon.direction, photon.path_m, first, static_cast<std::uint32_t>(tracks.crossings.size())});
         tracks.energy.insert(tracks.energy.end(), photon.throughput, photon.throughput + W);
       } else {
@@ -84,32 +95,37 @@ void advance(const Trace& trace, const FieldGrid& grid, Photon<W>& photon, float
   }
 }
 
+/// Photon number i of a chunk as it leaves the source.
 template <int W>
-void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
-  const std::uint64_t seed = trace.scene.config().seed;
+Photon<W> start_photon(const Trace& trace, std::uint32_t i, TraceStats& stats) {
   const auto num_bands = static_cast<std::size_t>(trace.scene.num_bands());
+  Photon<W> photon;
+  photon.direction = trace.directions.direction(i);
+  photon.origin = trace.source;
+  if (trace.source_spread_m > 0) {
+    const auto u = RandomStream(trace.scene.config().seed, Purpose::photon, i).uniform4(0);
+    photon.origin = point_in_sphere(trace.source, trace.source_spread_m, u[0], u[1], u[2]);
+  }
+  photon.only_walls = trace.walls != nullptr;
+  for (std::size_t b = 0; b < W; ++b) photon.throughput[b] = photon.weight[b] = b < num_bands ? 1.f : 0.f;
+  if (trace.emission) trace.emission->energy(photon.direction, std::span<float>(photon.throughput).first(num_bands));
+  listener_ray::end_if_spent<W>(photon, stats);  // a pattern may be silent there, or loud beyond floats
+  return photon;
+}
+
+template <int W>
+void trace_one_room(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
+  const std::uint64_t seed = trace.scene.config().seed;
   const std::uint32_t first = chunk * kPhotonsPerChunk;
   std::array<Photon<W>, kPhotonsPerChunk> photons;
-  for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
-    Photon<W>& photon = photons[i];
-    photon.direction = trace.directions.direction(first + i);
-    photon.origin = trace.source;
-    if (trace.source_spread_m > 0) {
-      const auto u = RandomStream(seed, Purpose::photon, first + i).uniform4(0);
-      photon.origin = point_in_sphere(trace.source, trace.source_spread_m, u[0], u[1], u[2]);
-    }
-    photon.only_walls = trace.walls != nullptr;
-    for (std::size_t b = 0; b < W; ++b) photon.throughput[b] = photon.weight[b] = b < num_bands ? 1.f : 0.f;
-    if (trace.emission) trace.emission->energy(photon.direction, std::span<float>(photon.throughput).first(num_bands));
-    listener_ray::end_if_spent<W>(photon, stats);  // a pattern may be silent there, or loud beyond floats
-  }
+  for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) photons[i] = start_photon<W>(trace, first + i, stats);
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
     bool any_alive = false;
     for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
       if (!photons[i].alive) continue;
       // Random numbers belong to the index and the stage, whichever photon lies there.
-      advance<W>(trace, grid, photons[i], until_m, RandomStream(seed, Purpose::photon, first + i, stage + 1), tracks, stats);
+      advance<W>(trace, grid, nullptr, photons[i], until_m, RandomStream(seed, Purpose::photon, first + i, stage + 1), tracks, stats);
       any_alive = any_alive || photons[i].alive;
     }
     if (!any_alive) return;
@@ -117,6 +133,51 @@ void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
         control_population<W>(trace.scene.num_bands(), std::span<Photon<W>>(photons),
                               RandomStream(seed, Purpose::photon_roulette, chunk, stage).uniform(0), kPhotonTaper, kPhotonUneven));
   }
+}
+
+/// The room of the source: that of the heaviest cell round it.
+std::uint32_t room_at(const FieldGrid& grid, glm::vec3 point) {
+  std::array<FieldGrid::CellWeight, 8> shares;
+  const auto cells = std::span(shares).first(grid.blend(point, shares));
+  const auto heaviest = std::ranges::max_element(cells, {}, &FieldGrid::CellWeight::weight);
+  return heaviest == cells.end() ? FieldGrid::no_room : grid.room(heaviest->cell);
+}
+
+template <int W>
+void trace_rooms(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
+  const std::uint64_t seed = trace.scene.config().seed;
+  const std::uint32_t first = chunk * kPhotonsPerChunk, source_room = room_at(grid, trace.source);
+  Rooms<W> rooms(trace, grid, source_room, kPhotonsPerChunk);
+  std::vector<Photon<W>> photons;
+  for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
+    photons.push_back(start_photon<W>(trace, first + i, stats));
+    photons.back().room = source_room;
+    if (source_room != FieldGrid::no_room) photons.back().visited = Rooms<W>::bit_of(source_room);
+  }
+  for (std::uint32_t stage = 0; !photons.empty(); ++stage) {
+    const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
+    for (std::size_t done = 0; done < photons.size();) {
+      for (; done < photons.size(); ++done) {
+        if (!photons[done].alive) continue;
+        // Beyond the chunk's own indices the third word tells its photons from those of the next chunk.
+        const auto slot = static_cast<std::uint32_t>(done);
+        const RandomStream random(seed, Purpose::photon, first + slot % kPhotonsPerChunk, stage + 1, slot / kPhotonsPerChunk);
+        advance<W>(trace, grid, &rooms, photons[done], until_m, random, tracks, stats);
+      }
+      const std::vector<Photon<W>> entered = rooms.take_entered();
+      photons.insert(photons.end(), entered.begin(), entered.end());
+    }
+    stats.nonfinite_dropped += static_cast<std::uint64_t>(rooms.control(
+        photons, [&](std::uint32_t room) { return RandomStream(seed, Purpose::photon_roulette, chunk, stage, room).uniform(0); }));
+  }
+}
+
+template <int W>
+void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
+  if (trace.walls != nullptr && grid.num_rooms() > 1)
+    trace_rooms<W>(trace, grid, chunk, tracks, stats);
+  else
+    trace_one_room<W>(trace, grid, chunk, tracks, stats);
 }
 
 }  // namespace

@@ -249,6 +249,21 @@ void pass_wall(const Trace& trace, RayState<W>& ray, std::uint32_t material) {
   ray.after_mirror = true;
 }
 
+/// Parts the ray at the wall that it waits at: the ray keeps what the wall does not let through, the one that is returned has gone
+/// through with the rest.  No choice, so no density changes.
+template <int W, class Ray>
+Ray part_at_wall(const Trace& trace, Ray& ray, std::uint32_t material) {
+  Ray through = ray;
+  const float* transmitted = trace.walls->transmitted(material);
+  for (int b = 0; b < W; ++b) {
+    through.reflected[b] *= transmitted[b];
+    ray.reflected[b] *= 1.f - transmitted[b];
+  }
+  pass_wall<W>(trace, through, material);
+  through.at_vertex = false;
+  return through;
+}
+
 /// Picks diffuse or mirror and updates throughput and weight.  Returns true for diffuse.
 template <int W>
 bool pick_lobe(RayState<W>& ray, const float* scattering, int num_bands, float random) {
@@ -281,16 +296,17 @@ void end_if_spent(RayState<W>& ray, TraceStats& stats) {
   if (!(total > 0) || !std::isfinite(total)) ray.alive = false;
 }
 
-/// Goes on from the vertex that the ray waits at: lobe and direction.  Ends the ray if nothing more can come of it.
+/// Goes on from the vertex that the ray waits at: lobe and direction.  Ends the ray if nothing more can come of it.  stays: what goes
+/// through the wall has been taken from `reflected`, and another ray carries it.
 template <int W>
-void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, TraceStats& stats) {
+void leave_vertex(const Trace& trace, RayState<W>& ray, const RandomStream& random, TraceStats& stats, bool stays = false) {
   const AcousticScene& scene = trace.scene;
   const Hit& hit = ray.hit;
   const float* scattering = scene.padded_scattering(scene.scene().mesh().triangle_material[hit.triangle]);
   std::array<float, 4> u = random.uniform4(static_cast<std::uint32_t>(ray.bounces));
   if (trace.walls) {
     const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
-    if (trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
+    if (!stays && trace.walls->transmits(material) && pick_wall(trace, ray, material, u[2])) {
       pass_wall(trace, ray, material);
       ray.at_vertex = false;
       end_if_spent(ray, stats);
@@ -369,14 +385,16 @@ void recall_vertex(const Trace& trace, ListenerPaths& paths, std::uint32_t index
   paths.long_chains[index] = ray.long_chain;
 }
 
-/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  visit(): at each vertex.
-template <int W, class Visit>
-void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, const Visit& visit, TraceOutput output) {
+/// Follows a ray until it has gone `until_m` and stands at a vertex, or ends.  visit(): at each vertex.  part(material): before the ray
+/// leaves one; whether another ray carries what goes through the wall there.
+template <int W, class Visit, class Part>
+void advance(const Trace& trace, RayState<W>& ray, float until_m, const RandomStream& random, const Visit& visit, const Part& part,
+             TraceOutput output) {
   const AcousticScene& scene = trace.scene;
   while (true) {
     if (ray.at_vertex) {
       if (ray.path_m >= until_m) return;
-      leave_vertex(trace, ray, random, output.stats);
+      leave_vertex(trace, ray, random, output.stats, part(scene.scene().mesh().triangle_material[ray.hit.triangle]));
       if (!ray.alive) return;
     }
     const Hit hit = scene.scene().rays().intersect(ray.origin, ray.direction);

@@ -37,6 +37,71 @@ int num_bins(const AcousticConfig& config) {
   return static_cast<int>(std::ceil(double{config.rir_length_s} / config.time_bin_s * (1.0 - 1e-6)));
 }
 
+/// Ray number i as it leaves the listener.
+template <int W>
+void start_ray(const Trace& trace, std::uint32_t i, RayState<W>& ray) {
+  for (int b = 0; b < W; ++b) ray.throughput[b] = ray.weight[b] = b < trace.scene.num_bands() ? 1.f : 0.f;
+  ray.only_walls = trace.walls != nullptr;
+  ray.first = i;
+  ray.origin = trace.listener;
+  ray.direction = trace.directions.direction(i);
+  // All that comes along this ray arrives from its first direction.
+  spherical_harmonics_n3d(ray.direction, trace.sh_order, ray.sh);
+}
+
+/// Does sound reach some rooms of the scene through walls alone?
+bool has_rooms_behind_walls(const EffectPlan& plan) {
+  return std::ranges::any_of(plan.decisions, [](const EffectDecision& decision) {
+    return decision.effect == "transmission_late" && decision.on && std::isinf(decision.change);
+  });
+}
+
+/// Rays of a chunk that have gone through a wall, where sound reaches rooms through walls alone.
+///
+/// Most energy that reaches a listener behind a wall may have been in the room of the source for long.  Of rays that pick the wall by
+/// chance one in twenty gets there at a transmittance of 0.05.  So each ray that has been through no wall is parted at walls (importance
+/// splitting, Kahn and Harris 1951), and those that went through are weighed against each other alone (control_group): as many as those
+/// that stayed.  No mean changes.
+template <int W>
+class RaysBehindWalls {
+ public:
+  static constexpr std::uint32_t kSlots = 0x80000000u;  ///< their random numbers are those of slots from here on
+
+  RaysBehindWalls(const Trace& trace, std::size_t count)
+      : trace_(trace), count_(count), on_(trace.walls != nullptr && has_rooms_behind_walls(trace.scene.plan())) {}
+
+  /// What a ray of the first group does at a wall: as `part` of listener_ray::advance.
+  bool part(RayState<W>& ray, std::uint32_t material) {
+    if (!on_ || !trace_.walls->transmits(material) || rays_.size() >= kMost * count_) return false;
+    RayState<W> through = listener_ray::part_at_wall<W>(trace_, ray, material);
+    const float total = sum_over_bands<W>(through.throughput);
+    if (total > 0 && std::isfinite(total)) rays_.push_back(through);
+    return true;
+  }
+  std::vector<RayState<W>>& rays() { return rays_; }
+
+  /// random: uniform in [0, 1).  Returns how many were ended because their energy was not finite.
+  int control(double random) {
+    int nonfinite = 0;
+    std::erase_if(rays_, [&](const RayState<W>& ray) {
+      if (!ray.alive) return true;
+      const bool bad = !std::isfinite(sum_over_bands<W>(ray.reflected));
+      nonfinite += bad ? 1 : 0;
+      return bad;
+    });
+    if (!rays_.empty()) control_group<W>(trace_.scene.num_bands(), rays_, static_cast<double>(count_), peak_, random);
+    return nonfinite;
+  }
+
+ private:
+  static constexpr std::size_t kMost = 8;  ///< times the rays of the chunk; all others go by chance
+  const Trace& trace_;
+  std::size_t count_;
+  bool on_;
+  std::vector<RayState<W>> rays_;
+  double peak_ = 0;
+};
+
 /// paths: records the vertices; may be null.
 template <int W>
 void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, EnergyHistogram& histogram, TraceStats& stats) {
@@ -44,37 +109,35 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, 
   const std::uint32_t first = chunk * kRaysPerChunk;
   std::array<RayState<W>, kRaysPerChunk> storage;
   const auto rays = std::span(storage).first(std::min(kRaysPerChunk, trace.num_rays - first));
-  for (std::uint32_t i = 0; i < rays.size(); ++i) {
-    RayState<W>& ray = rays[i];
-    for (int b = 0; b < W; ++b) ray.throughput[b] = ray.weight[b] = b < trace.scene.num_bands() ? 1.f : 0.f;
-    ray.only_walls = trace.walls != nullptr;
-    ray.first = first + i;
-    ray.origin = trace.listener;
-    ray.direction = trace.directions.direction(first + i);
-    // All that comes along this ray arrives from its first direction.
-    spherical_harmonics_n3d(ray.direction, trace.sh_order, ray.sh);
-  }
+  for (std::uint32_t i = 0; i < rays.size(); ++i) start_ray<W>(trace, first + i, rays[i]);
+  RaysBehindWalls<W> behind(trace, rays.size());
   WallRoulette<W> roulette;
   std::uint64_t of_connections = 0;  // of what was not finite
   for (std::uint32_t stage = 0;; ++stage) {
     const float until_m = static_cast<float>(stage + 1) * trace.stage_m;
     bool any_alive = false;
-    for (std::uint32_t i = 0; i < rays.size(); ++i) {
-      if (!rays[i].alive) continue;
+    const auto follow = [&](RayState<W>& ray, std::uint32_t slot, const auto& part) {
+      if (!ray.alive) return;
       // A slot draws new numbers in each stage, whichever ray it holds.
-      const RandomStream random(seed, Purpose::scatter, first + i, stage);
+      const RandomStream random(seed, Purpose::scatter, slot, stage);
       const auto visit = [&] {
-        if (paths != nullptr) record_vertex(rays[i], first + i, stage, *paths);
+        if (paths != nullptr) record_vertex(ray, slot, stage, *paths);
         const std::uint64_t before = stats.nonfinite_dropped;
-        connect_vertex(trace, rays[i], random, roulette, {histogram, stats});
+        connect_vertex(trace, ray, random, roulette, {histogram, stats});
         of_connections += stats.nonfinite_dropped - before;
       };
-      advance(trace, rays[i], until_m, random, visit, {histogram, stats});
-      any_alive = any_alive || rays[i].alive;
-    }
+      advance(trace, ray, until_m, random, visit, part, {histogram, stats});
+      any_alive = any_alive || ray.alive;
+    };
+    for (std::uint32_t i = 0; i < rays.size(); ++i)
+      follow(rays[i], first + i, [&](std::uint32_t material) { return behind.part(rays[i], material); });
+    // Those that went through in this stage are among them; their slots are those of chunks of kMost times as many rays.
+    for (std::uint32_t i = 0; i < behind.rays().size(); ++i)
+      follow(behind.rays()[i], RaysBehindWalls<W>::kSlots + 8 * first + i, [](std::uint32_t) { return false; });
     if (!any_alive) break;
     stats.nonfinite_dropped += static_cast<std::uint64_t>(
         control_population<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));
+    stats.nonfinite_dropped += static_cast<std::uint64_t>(behind.control(RandomStream(seed, Purpose::roulette, chunk, stage).uniform(1)));
   }
   if (paths != nullptr) paths->counters = {stats.ray_hits, stats.ray_escapes, stats.nonfinite_dropped - of_connections};
 }

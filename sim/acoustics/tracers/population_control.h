@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "sim/acoustics/core/band_sum.h"
 #include "sim/acoustics/tracers/ray_population.h"
@@ -88,6 +90,41 @@ int control_population(int num_bands, std::span<Ray> rays, double random, double
     }
   }
   return nonfinite;
+}
+
+/// The same for rays that are counted apart from all others, as those behind a wall, whatever it leaves of them: `full` rays at their
+/// largest energy so far, fewer as they decay.  group: all alive and finite; of any number, on return as many as are wanted.  peak: largest
+/// energy of the loudest band so far, which this updates.
+template <int W, class Ray>
+void control_group(int num_bands, std::vector<Ray>& group, double full, double& peak, double random, double taper_below = kTaperBelow,
+                   double uneven_fraction = kUnevenFraction) {
+  std::array<double, W> band_sum{};
+  for (const Ray& ray : group)
+    for (int b = 0; b < W; ++b) band_sum[b] += ray.reflected[b];
+  const double loudest = *std::max_element(band_sum.begin(), band_sum.end());
+  if (!(loudest > 0)) return group.clear();
+  peak = std::max(peak, loudest);
+  const int target = std::max(1, static_cast<int>(std::ceil(full * std::min(1.0, loudest / (peak * taper_below)))));
+  std::vector<double> weights(group.size(), 0.0);
+  double total = 0;
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    for (int b = 0; b < W; ++b)
+      if (band_sum[b] > 0) weights[i] += group[i].reflected[b] / (band_sum[b] * num_bands);
+    total += weights[i];
+  }
+  if (effective_sample_size(weights) >= uneven_fraction * target && static_cast<double>(group.size()) <= 1.25 * target) return;
+  std::vector<int> copies(group.size());
+  systematic_resample(weights, target, random, copies);
+  std::vector<Ray> kept;
+  kept.reserve(static_cast<std::size_t>(target));
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    if (copies[i] == 0) continue;
+    Ray copy = group[i];
+    const auto factor = static_cast<float>(total / (target * weights[i]));
+    for (int b = 0; b < W; ++b) copy.reflected[b] *= factor;
+    kept.insert(kept.end(), static_cast<std::size_t>(copies[i]), copy);
+  }
+  group = std::move(kept);
 }
 
 }  // namespace earshot
