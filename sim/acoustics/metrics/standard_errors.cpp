@@ -17,6 +17,11 @@ using BandValue = std::optional<double> BandMetrics::*;
 using BandDraws = std::vector<std::vector<BandMetrics>>;  ///< [draw][band]
 
 constexpr int kRepetitions = 8;
+/// Least rays of the trace that tells a bias, and what few rays miss.  Without the bias few rays arrive over mirrors: of 64 the late energy
+/// may be nil.
+constexpr int kBiasRays = 2048;
+/// Of the difference to a better response: twice this covers it where that response is itself off by a sixth of it.
+constexpr double kOfDifference = 0.6;
 constexpr std::array<BandValue, 3> kInteraural{&BandMetrics::iacc, &BandMetrics::iacc_early, &BandMetrics::iacc_late};
 
 /// Of one draw, times `factor`.
@@ -26,6 +31,36 @@ std::optional<double> error_of_draws(const BandDraws& draws, std::size_t band, B
     if (draw[band].*value) values.push_back(*(draw[band].*value));
   const std::optional<double> error = spread_of_draws(values);
   return error ? std::optional(*error * factor) : std::nullopt;
+}
+
+/// May mirrors bias the trace (AcousticConfig::diffuse_last_segment), and can the estimator without this bias tell?  Behind a wall hardly
+/// any of its rays arrives.
+bool may_be_biased(const AcousticScene& acoustics, const EnergyResponse& response) {
+  const bool in_sight = std::ranges::any_of(response.arrivals, [](const Arrival& arrival) { return arrival.kind == ArrivalKind::direct; });
+  return acoustics.config().diffuse_last_segment && (in_sight || !traces_transmission(acoustics));
+}
+
+/// The scene with last segments as they are, under the same plan.
+AcousticScene without_diffuse_last_segment(const AcousticScene& acoustics) {
+  AcousticConfig config = acoustics.config();
+  config.diffuse_last_segment = false;
+  return {AcousticSurfaces(acoustics.shared_scene(), config, acoustics.surfaces().found()), acoustics.plan()};
+}
+
+/// The parameters of a trace with more rays.
+std::vector<BandMetrics> trace_with_many_rays(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
+  const AcousticScene scene = acoustics.with_rays(std::max(acoustics.config().rays, kBiasRays), acoustics.config().seed + kCarrierStep);
+  EnergyResponse response;
+  compute_energy_response(scene, candidates, listener, response);
+  return measure(scene, response).bands;
+}
+
+/// The same without the bias.  Between facing mirrors from photons: rays meet few of the long chains there, and the late decay is theirs.
+std::vector<BandMetrics> trace_without_bias(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
+  if (!candidates.long_chains()) return trace_with_many_rays(without_diffuse_last_segment(acoustics), candidates, listener);
+  EnergyResponse response;
+  compute_energy_response(acoustics, candidates, build_source_field(acoustics, candidates).get(), listener, response);
+  return measure(acoustics, response).bands;
 }
 
 /// Repeats the trace with `rays` and visits each.
@@ -93,7 +128,9 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
   if ((has_batches && !request.any()) || acoustics.config().rays < kRepetitions || acoustics.config().late == Switch::off) return errors;
 
   const bool with_ears = request.interaural && render_ears;
-  const double delay_s = measure(acoustics, response).first_arrival_s.value_or(0.0);
+  const RoomMetrics of_response = measure(acoustics, response);
+  const std::vector<BandMetrics>& measured = of_response.bands;
+  const double delay_s = of_response.first_arrival_s.value_or(0.0);
   BandDraws repeated, traced;
   std::vector<double> sti;
   // A bidirectional trace has rays from the source too, which no part of its rays from the listener tells of: it is repeated whole.
@@ -108,14 +145,24 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
     render_ears(of_part, 0, ears);
     traced.push_back(correlations(ears, delay_s));
   });
+  std::vector<BandMetrics> better;
+  if (!has_batches)
+    better = may_be_biased(acoustics, response) ? trace_without_bias(acoustics, candidates, listener)
+                                                : trace_with_many_rays(acoustics, candidates, listener);
   errors.sti = spread_of_draws(sti);
   if (errors.sti) *errors.sti *= factor;
   errors.bands.resize(repeated[0].size());
   for (std::size_t band = 0; band < errors.bands.size(); ++band) {
     const auto set = [&](BandValue value) { errors.bands[band].*value = error_of_draws(repeated, band, value, factor); };
+    const auto set_with_bias = [&](BandValue value) {
+      set(value);
+      std::optional<double>& error = errors.bands[band].*value;
+      if (error && better[band].*value && measured[band].*value)
+        error = std::hypot(*error, kOfDifference * (*(measured[band].*value) - *(better[band].*value)));
+    };
     if (!has_batches) {
-      set(&BandMetrics::rt60_s);
-      for (const ErrorEntry& entry : kErrorEntries) set(entry.value);
+      set_with_bias(&BandMetrics::rt60_s);
+      for (const ErrorEntry& entry : kErrorEntries) set_with_bias(entry.value);
     }
     for (const RequestedMetricKey& entry : kRequestedMetricKeys)
       if (request.*entry.group) set(entry.value);

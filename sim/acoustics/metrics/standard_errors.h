@@ -32,11 +32,15 @@ using RenderEars = std::function<void(const EnergyResponse& response, std::uint6
 /// of their own, whose mean spreads as one trace with all rays.  A trace from the listener does not have eight independent parts: up to 256
 /// rays are weighed against each other (population_control.h), which leaves four such populations of the preset `balanced`, and all rays
 /// follow one sequence of directions (SphereSequence).
+/// No such repetition shows what all few rays miss, as in a long corridor, nor a bias: presets but `high` take the last segment as diffuse
+/// (AcousticConfig::diffuse_last_segment).  So 0.6 of what a parameter differs from that of a better response joins the error as root of
+/// the sum of squares: from 2048 rays or more, without that bias where source and listener see each other or walls let nothing through;
+/// between facing mirrors (facing_planes.h) from a source field.
 /// With the late field gathered from `field`: of rt60_s and t20_s alone, by its own estimate.
 /// The parameters of `request` are by repetition, of a bidirectional trace eight times with all of its rays; with a field they have no
 /// error.  render_ears: with request.interaural, null where there are no ears: IACC also has the noise of its carriers, found from eight
-/// others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace (bidirectional, with a
-/// request: eight); with `interaural` 16 renders.
+/// others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace and the
+/// better response (bidirectional, with a request: eight traces); with `interaural` 16 renders.
 MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                              glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request = {},
                              const RenderEars& render_ears = {});
