@@ -16,6 +16,9 @@ struct PanelEdge {
   glm::dvec3 start{0}, along{0}, outward{0};  ///< unit vectors; outward: in the plane, away from it
   glm::dvec3 normal{0};                       ///< unit, of the face that ends here, into the air: the other side may go on
   double length_m = 0;
+  double exterior_rad = 0, other_width_m = 0;  ///< angle of the air; how far the other face goes on (DiffractionEdge)
+  std::uint32_t edge = 0;                      ///< among the DiffractionEdges
+  bool is_first_face = false;                  ///< of that edge
 };
 
 /// The free edges of each mirror plane: those of DiffractionEdges with 195 degrees of air and more, by the planes of their faces.  Walls

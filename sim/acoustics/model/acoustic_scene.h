@@ -54,6 +54,7 @@ class AcousticScene {
   [[nodiscard]] bool transmits() const { return surfaces_.transmits(); }
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return surfaces_.diffraction_edges(); }
   [[nodiscard]] const PanelEdges* panel_edges() const { return surfaces_.panel_edges(); }
+  [[nodiscard]] const PanelShapes* panel_shapes() const { return surfaces_.panel_shapes(); }
   [[nodiscard]] const FoldedPlanes& folds() const { return surfaces_.folds(); }
   [[nodiscard]] const PanelEdges* fold_edges() const { return surfaces_.fold_edges(); }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return surfaces_.planes(); }

@@ -142,6 +142,7 @@ void AcousticSurfaces::find_solids() {
 void AcousticSurfaces::join_edges_to_planes() {
   if (diffraction_edges_ == nullptr) return;
   panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
+  panel_shapes_ = std::make_shared<const PanelShapes>(*panel_edges_, planes_.planes.size(), diffraction_edges_->size());
   if (!folds_.planes.empty())
     fold_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, folds_.fold_of_triangle, folds_.planes.size() + 1);
 }
@@ -168,6 +169,7 @@ std::size_t AcousticSurfaces::bytes() const {
                     bytes_of(folds_.fold_of_triangle);
   if (diffraction_edges_) sum += diffraction_edges_->bytes();
   for (const PanelEdges* edges : {panel_edges_.get(), fold_edges_.get()}) sum += edges ? edges->bytes() : 0;
+  if (panel_shapes_) sum += panel_shapes_->bytes();
   return sum;
 }
 

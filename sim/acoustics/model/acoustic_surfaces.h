@@ -13,6 +13,7 @@
 #include "sim/acoustics/geometry/folded_planes.h"
 #include "sim/acoustics/geometry/mirror_planes.h"
 #include "sim/acoustics/geometry/panel_edges.h"
+#include "sim/acoustics/model/panel_shapes.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -84,6 +85,8 @@ class AcousticSurfaces {
   [[nodiscard]] const DiffractionEdges* diffraction_edges() const { return diffraction_edges_.get(); }
   /// Where mirror planes end in the air; null with diffraction off.
   [[nodiscard]] const PanelEdges* panel_edges() const { return panel_edges_.get(); }
+  /// Those that bound panels in the air; null with diffraction off.
+  [[nodiscard]] const PanelShapes* panel_shapes() const { return panel_shapes_.get(); }
   [[nodiscard]] std::span<const MirrorPlane> planes() const { return planes_.planes; }
   [[nodiscard]] std::span<const std::uint32_t> plane_of_triangle() const { return planes_.plane_of_triangle; }
   /// Surfaces of several planes that reflect long waves as one: up to an eighth of the longest wave deep.
@@ -124,6 +127,7 @@ class AcousticSurfaces {
   MirrorPlanes planes_;
   FoldedPlanes folds_;
   std::shared_ptr<const PanelEdges> panel_edges_, fold_edges_;
+  std::shared_ptr<const PanelShapes> panel_shapes_;
 };
 
 }  // namespace earshot

@@ -382,10 +382,12 @@ SplitFactors DiffractionCandidates::Search::weigh_terms(const DiffractionEdge& e
                                                         const std::array<TermBoundary, 3>& boundaries) const {
   const FaceLanes &first = bands.face[edge.first_material], &second = bands.face[edge.second_material];
   const Lanes passed = bands.transmitted(edge.first_material, edge.second_material);
+  const auto index_in_scene = static_cast<std::uint32_t>(&edge - edges_.edges().data());
   SplitFactors factors;
   for (std::size_t i = 0; i < 3; ++i) {
-    // Images have the size of their panels (panel_reflection.h); where they have ended the edge's wave goes on, with many rays.
-    if (i > 0 && boundaries[i].lit) continue;
+    // Images have the size of their panels, and panels in the air have waves of their own (panel_reflection.h); where other images have
+    // ended the edge's wave goes on, with many rays.
+    if (i > 0 && (boundaries[i].lit || scene_.panel_shapes()->holds_face(index_in_scene, i == 1))) continue;
     const bool ends = i > 0 && candidates_.budget_.near_boundary_only;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t band = static_cast<std::size_t>(bands.first) + std::min(lane, static_cast<std::size_t>(bands.count) - 1);

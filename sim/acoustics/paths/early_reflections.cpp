@@ -11,8 +11,10 @@
 
 #include "sim/acoustics/core/sampling.h"
 #include "sim/acoustics/geometry/exact_plane.h"
+#include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/paths/line_of_sight.h"
 #include "sim/acoustics/paths/panel_reflection.h"
+#include "sim/acoustics/paths/path_level.h"
 #include "sim/base/coordinates.h"
 #include "sim/base/denormals.h"
 #include "sim/base/errors.h"
@@ -34,17 +36,6 @@ glm::vec3 checked_position(const SoundSource& source) {
 constexpr double kMaxSequencesPerOrder = 2048;  // of the exhaustive search
 constexpr double kSlackM = 1e-6;                // of culling
 constexpr int kOwnRays = 8;                     // of a source that moves: one in so many
-
-/// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
-bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
-  bool is_audible = false;
-  for (int band = 0; band < scene.num_bands(); ++band) {
-    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
-    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_fraction[band]) * air / (4.0 * std::numbers::pi * distance_m));
-    is_audible = is_audible || arrival.amplitude[band] > 0.f;
-  }
-  return is_audible;
-}
 
 /// A mirror plane, or from planes().size() on a fold.
 const MirrorPlane& mirror_at(const AcousticScene& scene, std::uint32_t plane) {
@@ -187,36 +178,52 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
   return !rays.occluded(origin, source);
 }
 
-/// Fraction of an image that remains with panels of finite size.
+/// An image with panels of finite size, as fractions of its energy.
 struct PanelFactor {
   std::array<double, kMaxBands> energy_fraction, phase_rad{};
-  bool finite = false;  ///< is any panel?
+  std::array<double, kMaxBands> reflected;  ///< to all sides together: the rest passes round the panels
+  bool finite = false;                      ///< is any panel?
 };
 
-PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, double distance_m,
-                              const MirrorPath& path) {
+PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, glm::dvec3 listener,
+                              double distance_m, const MirrorPath& path) {
   PanelFactor product;
   product.energy_fraction.fill(1.0);
+  product.reflected.fill(1.0);
   if (scene.panel_edges() == nullptr) return product;
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   const double longest_wave_m = scene.speed_of_sound_m_per_s() / scene.bands().centre_hz.front();
+  const bool alone = path.order() == 1;
   glm::dvec3 image = source;
   for (std::size_t i = 0; i < path.order(); ++i) {
     const std::uint32_t plane = path.sequence.plane[i];
+    const glm::dvec3 start = image;
     image = ExactPlane(mirror_at(scene, plane)).mirror(image);
     const auto edges = plane >= num_planes ? scene.fold_edges()->of(plane - num_planes) : scene.panel_edges()->of(plane);
     const double before_m = glm::length(path.point[i] - image);
     if (edges.empty() || !(before_m > 0)) continue;
+    const PanelShape* const shape = plane < num_planes ? scene.panel_shapes()->find(plane, path.point[i], start) : nullptr;
     const PanelReflection panel(edges, image, image + (path.point[i] - image) * (distance_m / before_m), path.point[i], longest_wave_m);
-    if (!panel.finite()) continue;
+    if (shape == nullptr && !panel.finite()) continue;
     product.finite = true;
     for (const EdgeBands& bands : groups) {
-      const PanelReflection::Factor factor = panel.factor(bands.wave.number);
+      const PanelReflection::Factor factor =
+          shape != nullptr && alone ? PanelWave(*shape, source, listener).factor(bands.wave) : panel.factor(bands.wave.number);
       for (int lane = 0; lane < bands.count; ++lane) {
-        product.energy_fraction[bands.first + lane] *= double{factor.energy[lane]};
-        product.phase_rad[bands.first + lane] += double{factor.phase_rad[lane]};
+        const int band = bands.first + lane;
+        double energy = double{factor.energy[lane]}, reflected = 1;
+        if (shape != nullptr && !alone) {
+          const double cosine = std::abs(glm::dot(shape->normal, path.point[i] - image)) / before_m;
+          energy *= small_panel_gain(*shape, bands.wave.exact[lane], cosine);
+          reflected = reflected_fraction(*shape, bands.wave.exact[lane], cosine);
+        }
+        product.energy_fraction[band] *= energy;
+        product.reflected[band] *= reflected;
+        product.phase_rad[band] += double{factor.phase_rad[lane]};
       }
     }
+    // The rest of a single panel goes to its sides: as its wave there, or with its edges.
+    if (alone && (shape != nullptr || !DiffractionBudget(scene.config()).near_boundary_only)) product.reflected.fill(0.0);
   }
   return product;
 }
@@ -227,6 +234,7 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
   wall_gain_ = scene.wall_gain(source());
+  find_panels(scene);
   const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;
@@ -308,7 +316,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   if (!scene.folds().planes.empty() && !weigh_folds(scene, std::span(path.met_plane).first(order), std::span(path.met_fold).first(order),
                                                     by_folds, listener, path.energy_fraction))
     return false;
-  const PanelFactor panels = find_panel_factor(scene, diffraction_.bands(), glm::dvec3(source()), distance_m, path);
+  const PanelFactor panels = find_panel_factor(scene, diffraction_.bands(), glm::dvec3(source()), glm::dvec3(listener), distance_m, path);
 
   const glm::dvec3 departure = path.point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;
@@ -327,7 +335,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   scattered = arrival;
   std::array<double, kMaxBands> lost{};
   for (int band = 0; band < scene.num_bands(); ++band) {
-    lost[band] = path.energy_fraction[band] * std::max(1.0 - panels.energy_fraction[band], 0.0);
+    lost[band] = path.energy_fraction[band] * std::max(panels.reflected[band] - panels.energy_fraction[band], 0.0);
     path.energy_fraction[band] *= panels.energy_fraction[band];
     arrival.phase_rad[band] = static_cast<float>(std::remainder(path.phase_rad[band] + panels.phase_rad[band], 2.0 * std::numbers::pi));
   }
@@ -381,6 +389,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
     arrivals.push_back(arrival);
     if (scattered != nullptr && missing.order > 0) scattered->push_back(missing);
   }
+  if (in_sight) find_panel_waves(scene, listener, arrivals, scattered);
   // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
   for (std::size_t i = first + 1; i < arrivals.size(); ++i) {
     for (std::size_t j = i; j > first && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) {

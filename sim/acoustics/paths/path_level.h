@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "sim/acoustics/core/arrival.h"
+#include "sim/acoustics/model/acoustic_scene.h"
 
 namespace earshot {
 
@@ -20,6 +22,17 @@ inline double level_db(const Arrival& arrival, int num_bands) {
   double sum = 0;
   for (int band = 0; band < num_bands; ++band) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
   return level_db(4.0 * std::numbers::pi * std::sqrt(sum / num_bands));
+}
+
+/// Pressure per band of a path of `distance_m` whose reflections keep `energy_fraction` of the energy.  False if nothing is left.
+inline bool set_amplitude(const AcousticScene& scene, double distance_m, std::span<const double> energy_fraction, Arrival& arrival) {
+  bool is_audible = false;
+  for (int band = 0; band < scene.num_bands(); ++band) {
+    const double air = std::exp(-0.5 * scene.air_energy_per_m()[band] * distance_m);
+    arrival.amplitude[band] = static_cast<float>(std::sqrt(energy_fraction[band]) * air / (4.0 * std::numbers::pi * distance_m));
+    is_audible = is_audible || arrival.amplitude[band] > 0.f;
+  }
+  return is_audible;
 }
 
 }  // namespace earshot
