@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "datasets/corpus_parts.h"
+#include "datasets/inputs/corpus_inputs.h"
+#include "datasets/inputs/transcripts.h"
 #include "datasets/labels/label_number.h"
 #include "datasets/response_index.h"
 #include "datasets/reverberant_mixture.h"
@@ -19,7 +21,6 @@
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 #include "sim/base/text/listed.h"
-#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
@@ -28,42 +29,32 @@ using Json = nlohmann::ordered_json;
 
 /// Signals that a killed run may have to make again.
 constexpr int kSignalsPerPart = 10;
-constexpr std::size_t kLongestTranscript = 1 << 16;
+/// Of what a mixture is for given settings and files: corpora of other versions are not completed.
+constexpr int kMixingVersion = 2;
 
 void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
   require(ok, key, listed(range, ","), fmt::format("must be LOW,HIGH in [{}, {}] dB with LOW <= HIGH", low, high));
 }
 
-/// The text file beside a speech file; empty without one.  Throws InputError for bytes that are not text.
-std::optional<std::string> transcript_of(const SoundFolder& speech, const std::string& file) {
-  const std::filesystem::path path = (speech.root / file).replace_extension(".txt");
-  std::error_code unknown;
-  if (!std::filesystem::is_regular_file(path, unknown)) return {};
-  std::string text = read_file(path, kLongestTranscript);
-  if (!is_utf8(text)) throw InputError(path.string(), "is not UTF-8 text", "save it as UTF-8");
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
-  return text;
-}
+/// What is mixed.
+struct ConvolveSounds {
+  SoundFolder speech;
+  std::optional<SoundFolder> noise;  ///< none, or noise that is synthesized
+  Transcripts transcripts;
+  [[nodiscard]] const SoundFolder* noise_folder() const { return noise ? &*noise : nullptr; }
+};
 
-/// Of the words beside all speech files, so that a corpus is not completed with others.
-std::uint64_t transcripts_hash(const SoundFolder& speech) {
-  std::string all;
-  for (const std::string& file : speech.files)
-    if (const auto text = transcript_of(speech, file)) all += fmt::format("{} {}\n", file, hex64(hash64(*text)));
-  return hash64(all);
-}
-
-std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise,
-                         std::uint64_t signals) {
+std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const ConvolveSounds& sounds, std::uint64_t signals) {
+  const SoundFolder& speech = sounds.speech;
   const auto range = [](const std::vector<float>& values) { return fmt::format("[{}, {}]", values[0], values[1]); };
   std::string text;
   const auto add = [&](const std::string& key, const auto& value) { text += fmt::format("{}: {}\n", key, value); };
   add("corpus_hash", hex64(index.hash()));
   add("speech_files", speech.files.size());
   add("speech_hash", hex64(speech.hash()));
-  add("transcripts_hash", hex64(transcripts_hash(speech)));
-  add("noise", noise ? "folder " + hex64(noise->hash()) : config.noise.empty() ? "none" : config.noise);
+  add("transcripts_hash", hex64(sounds.transcripts.hash(speech)));
+  add("noise", sounds.noise ? "folder " + hex64(sounds.noise->hash()) : config.noise.empty() ? "none" : config.noise);
   add("seed", config.seed);
   add("signals", signals);
   add("talkers", fmt::format("[{}, {}]", config.min_talkers, config.max_talkers));
@@ -76,14 +67,40 @@ std::string config_lines(const ConvolveConfig& config, const ResponseIndex& inde
   add("cut", config.cut);
   add("format", config.format == SoundFormat::wav ? "wav" : "flac");
   add("signals_per_folder", config.signals_per_folder);
+  add("skip_bad", config.skip_bad);
+  add("mixing_version", kMixingVersion);
   return text;
+}
+
+/// Lists the folders and opens all files.  Throws InputError.
+CorpusInputs open_inputs(const ConvolveConfig& config, const CorpusRun& run, float sample_rate_hz, const ConvolveSounds& sounds) {
+  std::vector<InputFile> files;
+  for (const std::string& file : sounds.speech.files) {
+    const auto unreadable = sounds.transcripts.unreadable().find(file);
+    files.push_back({.group = "speech",
+                     .name = file,
+                     .path = sounds.speech.root / file,
+                     .reason = unreadable == sounds.transcripts.unreadable().end() ? std::string() : unreadable->second});
+  }
+  if (sounds.noise)
+    for (const std::string& file : sounds.noise->files)
+      files.push_back({.group = "noise", .name = file, .path = sounds.noise->root / file});
+  return {std::move(files),
+          run.out,
+          {.skip_bad = config.skip_bad, .sample_rate_hz = sample_rate_hz, .threads = run.threads, .progress = run.opening}};
+}
+
+/// Leaves the good files.
+void keep_good(SoundFolder& folder, const CorpusInputs& inputs, const std::string& group) {
+  folder.files = inputs.good(group);
+  if (folder.files.empty()) throw InputError(folder.root.string(), "has no usable sound file", "repair the files, or give another folder");
 }
 
 /// Writes the files of a mixture and makes its line of the manifest.
 class SignalWriter {
  public:
-  SignalWriter(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, CorpusPieceWriter& writer)
-      : config_(config), index_(index), speech_(speech), writer_(writer) {}
+  SignalWriter(const ConvolveConfig& config, const ResponseIndex& index, const Transcripts& transcripts, CorpusPieceWriter& writer)
+      : config_(config), index_(index), transcripts_(transcripts), writer_(writer) {}
 
   void write(std::uint64_t number, const Mixture& mixture) {
     const auto channels = static_cast<int>(index_.channels().size());
@@ -110,7 +127,7 @@ class SignalWriter {
       if (config_.stems) labels["file"] = add(suffix, talker.reverberant, channels);
       if (config_.early) labels["early_file"] = add(suffix + ".early", talker.early, channels);
       if (config_.dry) labels["dry_file"] = add(suffix + ".dry", talker.dry, 1);
-      if (const auto text = transcript_of(speech_, talker.speech)) labels["text"] = *text;
+      if (const auto text = transcripts_.of(talker.speech)) labels["text"] = *text;
       talkers.push_back(labels);
     }
     line["talkers"] = talkers;
@@ -135,7 +152,7 @@ class SignalWriter {
  private:
   const ConvolveConfig& config_;
   const ResponseIndex& index_;
-  const SoundFolder& speech_;
+  const Transcripts& transcripts_;
   CorpusPieceWriter& writer_;
 };
 
@@ -148,7 +165,7 @@ std::string supervision_lines(const std::string& manifest_line, float sample_rat
   std::string lines;
   std::size_t number = 0;
   for (const Json& talker : recording.at("talkers")) {
-    // From the direct sound on; the end of the dry sound, or of the recording where that is cut.
+    // From the direct sound on, to the end of the dry sound, which a mixture contains.
     const double rate_hz = static_cast<double>(sample_rate_hz);
     const auto delay = static_cast<std::uint64_t>(std::lround(talker.at("direct_delay_s").get<double>() * rate_hz));
     const std::uint64_t begin = std::min(frames, talker.at("start_sample").get<std::uint64_t>() + delay);
@@ -193,12 +210,15 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
   validate(config);
   validate(run);
   const ResponseIndex index(config.corpus);
-  const SoundFolder speech = SoundFolder::list(config.speech);
+  require_outside(run.out, config.speech, "--speech");
+  SoundFolder speech = SoundFolder::list(config.speech);
   std::optional<SoundFolder> noise;
   if (config.noise.starts_with("synth:"))
     (void)synthesize_sound(config.noise, index.sample_rate_hz());  // an unknown kind shows before anything is written
-  else if (!config.noise.empty() && config.noise != "synth")
+  else if (!config.noise.empty() && config.noise != "synth") {
+    require_outside(run.out, config.noise, "--noise");
     noise = SoundFolder::list(config.noise);
+  }
   if (config.early && !index.has_early())
     throw InputError("--early", "needs early parts of responses, which " + config.corpus + " does not contain",
                      "write the corpus again with split_ms: 50");
@@ -210,13 +230,19 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
     throw InputError("--format flac", fmt::format("supports at most 8 channels, but the responses have {}", index.channels().size()),
                      "use --format wav");
 
-  const std::uint64_t signals = config.count > 0 ? config.count : speech.files.size();
+  Transcripts transcripts(speech);
+  ConvolveSounds sounds{.speech = std::move(speech), .noise = std::move(noise), .transcripts = std::move(transcripts)};
+  const CorpusInputs inputs = open_inputs(config, run, index.sample_rate_hz(), sounds);
+  keep_good(sounds.speech, inputs, "speech");
+  if (sounds.noise) keep_good(*sounds.noise, inputs, "noise");
+
+  const std::uint64_t signals = config.count > 0 ? config.count : sounds.speech.files.size();
   const auto per_part = static_cast<std::uint64_t>(std::min(kSignalsPerPart, config.signals_per_folder));
   const std::uint64_t parts_per_folder = static_cast<std::uint64_t>(config.signals_per_folder) / per_part;
   const CorpusFolder folder(run.out, static_cast<std::size_t>((signals + per_part - 1) / per_part),
                             static_cast<std::size_t>(parts_per_folder), index.sample_rate_hz(), index.channels().size());
-  folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, speech, noise ? &*noise : nullptr, signals),
-                                      index.sample_rate_hz(), index.channels()));
+  folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, sounds, signals), index.sample_rate_hz(), index.channels()));
+  inputs.record();
 
   const auto end_of = [&](std::size_t part) { return std::min<std::uint64_t>(signals, (part + 1) * per_part); };
   const CorpusPartsReport done = complete_corpus(
@@ -224,9 +250,9 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
       {.items = [&](std::size_t part) { return end_of(part) - part * per_part; },
        .make_worker =
            [&] {
-             auto maker = std::make_shared<MixtureMaker>(config, index, speech, noise ? &*noise : nullptr);
+             auto maker = std::make_shared<MixtureMaker>(config, index, sounds.speech, sounds.noise_folder());
              return [&, maker](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
-               SignalWriter signal_writer(config, index, speech, writer);
+               SignalWriter signal_writer(config, index, sounds.transcripts, writer);
                for (std::uint64_t number = piece.part * per_part; number < end_of(piece.part); ++number) {
                  signal_writer.write(number, maker->mix(number));
                  count_item();
@@ -235,7 +261,14 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
            },
        .derived = {{"supervisions.jsonl",
                     [&](const std::string& line) { return supervision_lines(line, index.sample_rate_hz(), index.channels().size()); }}}});
-  ConvolveReport report{.signals = done.items, .all_signals = signals, .folders_missing = done.folders_missing};
+  ConvolveReport report{.signals = done.items,
+                        .all_signals = signals,
+                        .folders_missing = done.folders_missing,
+                        .left_out = inputs.left_out(),
+                        .speech_files = sounds.speech.files.size(),
+                        .unused_texts = sounds.transcripts.unused_lines()};
+  report.without_text = static_cast<std::size_t>(
+      std::ranges::count_if(sounds.speech.files, [&](const std::string& file) { return !sounds.transcripts.of(file).has_value(); }));
   if (report.folders_missing == 0) report.lowered = count_lowered(run.out / "manifest.jsonl");
   return report;
 }

@@ -30,6 +30,8 @@ struct CorpusRun {
   CorpusShard shard;
   /// Called from the caller's thread with the recordings written so far and in all, of those that were missing.
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;
+  /// The same with the sound files opened so far and in all, before the first recording.
+  std::function<void(std::uint64_t opened, std::uint64_t total)> opening = {};
   /// sofa_writer.h's, for corpora in SOFA: the caller decides whether HDF5 is linked.
   std::function<std::string(const SofaRoomResponses& responses, const std::string& where)> encode_sofa = {};
 };

@@ -10,7 +10,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
-#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
@@ -40,8 +39,6 @@ SoundFolder SoundFolder::list(const std::string& folder) {
     std::error_code unknown;  // a dangling link is not a file
     if (!names_sound(at->path()) || !at->is_regular_file(unknown)) continue;
     found.files.push_back(at->path().lexically_relative(folder).generic_string());
-    if (!is_utf8(found.files.back()))
-      throw InputError(at->path().string(), "has a name that is not valid UTF-8, which the manifest needs", "rename the file");
   }
   if (error) throw InputError(folder, "cannot be listed: " + error.message(), "check the permissions and links of its folders");
   if (found.files.empty()) throw InputError(folder, "contains no sound file", "give a folder with WAV, FLAC, OGG, Opus, MP3 or AIFF files");
@@ -79,6 +76,13 @@ double peak_of(std::span<const float> samples) {
   float peak = 0;
   for (const float sample : samples) peak = std::max(peak, std::abs(sample));
   return static_cast<double>(peak);
+}
+
+std::size_t loudest_sample(std::span<const float> samples) {
+  std::size_t loudest = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    if (std::abs(samples[i]) > std::abs(samples[loudest])) loudest = i;
+  return loudest;
 }
 
 void scale(std::vector<float>& samples, double factor) {

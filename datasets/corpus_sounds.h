@@ -15,8 +15,7 @@ namespace earshot {
 struct SoundFolder {
   std::filesystem::path root;
   std::vector<std::string> files;
-  /// Links are followed.  Throws InputError: none is there, a folder that cannot be read or that holds itself by a link, a name that is not
-  /// UTF-8, which manifests are.
+  /// Links are followed.  Throws InputError: none is there, a folder that cannot be read or that holds itself by a link.
   static SoundFolder list(const std::string& folder);
   /// Of names and sizes.  Throws InputError for a file that is gone.
   [[nodiscard]] std::uint64_t hash() const;
@@ -33,6 +32,8 @@ double within_range(const std::vector<float>& range, float fraction);
 double amplitude_of_db(double db);
 double energy_of(std::span<const float> samples);
 double peak_of(std::span<const float> samples);
+/// Of the first of the loudest samples.
+std::size_t loudest_sample(std::span<const float> samples);
 void scale(std::vector<float>& samples, double factor);
 /// `count` samples of an endless loop of `clip`, from `start` on.
 std::vector<float> looped(std::span<const float> clip, std::uint64_t start, std::size_t count);

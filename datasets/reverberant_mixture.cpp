@@ -107,7 +107,7 @@ std::vector<float> MixtureMaker::direct_sound(const IndexedResponse& response, s
   return sound;
 }
 
-void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response_index) {
+std::vector<float> MixtureMaker::open_talker(Mixture& mixture, std::uint64_t number, std::size_t talker, std::size_t response) const {
   const RandomStream random = stream_of(config_, number, talker);
   const auto num_files = static_cast<std::uint32_t>(speech_.files.size());
   std::size_t file = static_cast<std::size_t>(number % num_files);
@@ -115,36 +115,54 @@ void MixtureMaker::add_talker(Mixture& mixture, std::uint64_t number, std::size_
     const std::uint32_t step = num_files > 1 ? 1 + random.below(num_files - 1, MixtureDraw::speech) : 0;
     file = (file + step) % num_files;
   }
-  const std::size_t channels = index_.channels().size();
-  const IndexedResponse& response = index_.responses()[response_index];
   MixedTalker added;
   added.speech = speech_.files[file];
-  added.response = response_index;
+  added.response = response;
   std::vector<float> dry = load_sound(speech_.root / added.speech, index_.sample_rate_hz()).samples;
   if (peak_of(dry) <= 0) throw InputError((speech_.root / added.speech).string(), "is silent", "remove it from the folder");
-  const std::size_t first_samples = talker == 0 ? dry.size() : mixture.talkers[0].dry_samples;
-  if (talker > 0) {
-    if (dry.size() > first_samples) dry.resize(first_samples);
-    added.start_sample = random.below(static_cast<std::uint32_t>(first_samples - dry.size() + 1), MixtureDraw::start);
-    if (peak_of(dry) <= 0)
-      throw InputError((speech_.root / added.speech).string(), "starts with a silence that is longer than other files", "trim the silence");
-  }
   added.dry_samples = dry.size();
-  const std::vector<float> sound = convolved(response, response.file, dry);
-  if (talker == 0) mixture.num_frames = config_.cut ? dry.size() : sound.size() / channels;
-  added.reverberant = placed(sound, channels, added.start_sample, mixture.num_frames);
-  if (config_.early) added.early = placed(convolved(response, response.early_file, dry), channels, added.start_sample, mixture.num_frames);
-  if (config_.dry) added.dry = direct_sound(response, dry, added.start_sample, mixture.num_frames);
-  const double energy = energy_of(added.reverberant);
-  if (energy <= 0)
-    throw InputError((speech_.root / added.speech).string(), fmt::format("is silent through response {}", response.id),
-                     "leave out --cut, or remove the file from the folder");
-  if (talker > 0) {
-    const double wanted = amplitude_of_db(within_range(config_.talker_db, random.uniform(MixtureDraw::gain)));
-    added.gain = std::sqrt(energy_of(mixture.talkers[0].reverberant) / energy) * wanted;
-    for (std::vector<float>* samples : {&added.reverberant, &added.early, &added.dry}) scale(*samples, added.gain);
+  // Within the first one, or with it if this one is longer.
+  if (talker > 0 && dry.size() < mixture.talkers[0].dry_samples) {
+    const std::size_t latest = mixture.talkers[0].dry_samples - dry.size();
+    added.start_sample = random.below(static_cast<std::uint32_t>(latest + 1), MixtureDraw::start);
   }
   mixture.talkers.push_back(std::move(added));
+  return dry;
+}
+
+void MixtureMaker::render_talkers(Mixture& mixture, std::uint64_t number, const std::vector<std::vector<float>>& dry) {
+  const std::size_t channels = index_.channels().size();
+  const auto rate_hz = static_cast<double>(index_.sample_rate_hz());
+  std::vector<std::vector<float>> sounds;
+  for (std::size_t t = 0; t < mixture.talkers.size(); ++t) {
+    const MixedTalker& talker = mixture.talkers[t];
+    const IndexedResponse& response = index_.responses()[talker.response];
+    sounds.push_back(convolved(response, response.file, dry[t]));
+    mixture.num_frames = std::max(mixture.num_frames, talker.direct_end(response.direct_delay_s, rate_hz));
+    if (!config_.cut) mixture.num_frames = std::max(mixture.num_frames, talker.start_sample + sounds[t].size() / channels);
+  }
+  for (std::size_t t = 0; t < mixture.talkers.size(); ++t) {
+    MixedTalker& talker = mixture.talkers[t];
+    const IndexedResponse& response = index_.responses()[talker.response];
+    const auto place = [&](std::span<const float> sound) { return placed(sound, channels, talker.start_sample, mixture.num_frames); };
+    talker.reverberant = place(sounds[t]);
+    if (config_.early) talker.early = place(convolved(response, response.early_file, dry[t]));
+    if (config_.dry) talker.dry = direct_sound(response, dry[t], talker.start_sample, mixture.num_frames);
+    set_level(mixture, number, t);
+  }
+}
+
+void MixtureMaker::set_level(Mixture& mixture, std::uint64_t number, std::size_t talker) const {
+  MixedTalker& added = mixture.talkers[talker];
+  const double energy = energy_of(added.reverberant);
+  if (energy <= 0)
+    throw InputError((speech_.root / added.speech).string(),
+                     fmt::format("is silent through response {}", index_.responses()[added.response].id),
+                     "write the corpus of responses with a larger acoustics.rir_length_s");
+  if (talker == 0) return;
+  const double wanted = amplitude_of_db(within_range(config_.talker_db, stream_of(config_, number, talker).uniform(MixtureDraw::gain)));
+  added.gain = std::sqrt(energy_of(mixture.talkers[0].reverberant) / energy) * wanted;
+  for (std::vector<float>* samples : {&added.reverberant, &added.early, &added.dry}) scale(*samples, added.gain);
 }
 
 void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
@@ -155,9 +173,7 @@ void MixtureMaker::add_noise(Mixture& mixture, std::uint64_t number) {
   const std::vector<float> clip = open_noise(noise, random);
   render_noise(mixture, number, clip);
   const double energy = energy_of(noise.samples);
-  if (energy <= 0)
-    throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent, or has a pause that is longer than a signal",
-                     "remove it from the folder");
+  if (energy <= 0) throw InputError(noise_ ? (noise_->root / noise.sound).string() : noise.sound, "is silent", "remove it from the folder");
   noise.snr_db = within_range(config_.snr_db, random.uniform(MixtureDraw::snr));
   noise.gain = std::sqrt(energy_of(mixture.samples) / energy) / amplitude_of_db(noise.snr_db);
   scale(noise.samples, noise.gain);
@@ -190,20 +206,28 @@ void MixtureMaker::render_noise(Mixture& mixture, std::uint64_t number, const st
   const RandomStream random = stream_of(config_, number, 0);
   const std::size_t channels = index_.channels().size(), frames = mixture.num_frames;
   MixedNoise& noise = mixture.noise;
-  const auto part = [&](std::size_t channel, std::size_t count) {
+  // heard: the sample of the part that is heard at the first sample of the mixture.
+  const auto part = [&](std::size_t channel, std::size_t count, std::size_t heard) {
     if (clip.empty()) return white_noise(noise_stream(config_, number, channel), count);
     const auto size = static_cast<std::uint32_t>(clip.size());
-    const std::uint64_t start =
+    std::uint64_t start =
         random.below(size, channel == 0 ? MixtureDraw::noise_start : MixtureDraw::channel_start + static_cast<std::uint32_t>(channel));
+    std::vector<float> drawn = looped(clip, start, count);
+    if (energy_of(std::span(drawn).subspan(heard, frames)) <= 0) {  // a pause that is longer than the mixture
+      start = (loudest_sample(clip) + size - heard % size) % size;
+      drawn = looped(clip, start, count);
+    }
     if (channel == 0) noise.start_sample = start;
-    return looped(clip, start, count);
+    return drawn;
   };
   if (noise.response >= 0) {
     // It sounds from before the first sample to after the last: reverberation of earlier sound is included, its end is not.
     const IndexedResponse& response = index_.responses()[static_cast<std::size_t>(noise.response)];
     const SoundChannels filter = index_.load(response, response.file);
     const std::size_t before = filter.num_frames() - 1;
-    const std::vector<float> sound = convolver_.convolve(part(0, before + frames), filter.samples, filter.num_channels);
+    const auto delay = static_cast<std::size_t>(std::lround(response.direct_delay_s * static_cast<double>(index_.sample_rate_hz())));
+    const std::size_t heard = before - std::min(before, delay);
+    const std::vector<float> sound = convolver_.convolve(part(0, before + frames, heard), filter.samples, filter.num_channels);
     const std::size_t width = sound.size() / channels;
     noise.samples.resize(channels * frames);
     for (std::size_t c = 0; c < channels; ++c)
@@ -211,7 +235,7 @@ void MixtureMaker::render_noise(Mixture& mixture, std::uint64_t number, const st
                   noise.samples.begin() + static_cast<std::ptrdiff_t>(c * frames));
   } else {
     for (std::size_t c = 0; c < channels; ++c) {
-      const std::vector<float> channel = part(c, frames);
+      const std::vector<float> channel = part(c, frames, 0);
       noise.samples.insert(noise.samples.end(), channel.begin(), channel.end());
     }
   }
@@ -223,7 +247,9 @@ Mixture MixtureMaker::mix(std::uint64_t number) {
                        random.below(static_cast<std::uint32_t>(config_.max_talkers - config_.min_talkers + 1), MixtureDraw::talkers);
   Mixture mixture;
   const std::vector<std::size_t> responses = draw_responses(number, talkers);
-  for (std::size_t talker = 0; talker < responses.size(); ++talker) add_talker(mixture, number, talker, responses[talker]);
+  std::vector<std::vector<float>> dry;
+  for (std::size_t talker = 0; talker < responses.size(); ++talker) dry.push_back(open_talker(mixture, number, talker, responses[talker]));
+  render_talkers(mixture, number, dry);
   mixture.samples.assign(mixture.talkers[0].reverberant.size(), 0.f);
   for (const MixedTalker& talker : mixture.talkers)
     for (std::size_t i = 0; i < mixture.samples.size(); ++i) mixture.samples[i] += talker.reverberant[i];

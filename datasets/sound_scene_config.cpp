@@ -49,6 +49,8 @@ void read(ConfigReader& reader, SoundSceneConfig& config) {
   reader.read("noise", config.noise, Allowed::text("synth, or a folder"), "Background noise, unrelated between channels. Empty: none.");
   reader.read("snr_db", config.snr_db, Allowed::between(-60, 120).interval(), "Level of all events over the noise.");
   reader.read("level_dbfs", config.level_dbfs, Allowed::between(-100, 0).interval(), "Level of a recording.");
+  reader.read("skip_bad", config.skip_bad,
+              "Leave out sound files that cannot be decoded or are silent, as inputs.jsonl lists them. false: such a file is refused.");
 }
 
 void validate(const SoundSceneConfig& config) {
@@ -87,6 +89,7 @@ std::string config_text(const SoundSceneConfig& config) {
   add("noise", config.noise);
   add("snr_db", shown(config.snr_db));
   add("level_dbfs", shown(config.level_dbfs));
+  add("skip_bad", config.skip_bad);
   return text;
 }
 

@@ -31,6 +31,7 @@ struct SoundSceneConfig {
   std::string noise;                      ///< as dataset convolve: empty, synth, or a folder; unrelated between channels
   std::vector<float> snr_db = {10, 30};   ///< all events over the noise, over all channels and the whole recording
   std::vector<float> level_dbfs = {-35, -25};
+  bool skip_bad = false;  ///< leave out sound files that are bad (corpus_inputs.h); else refuse them
 };
 
 /// Reads the keys above beside those of the rooms.  Throws InputError.

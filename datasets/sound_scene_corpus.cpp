@@ -10,11 +10,13 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "datasets/corpus_parts.h"
 #include "datasets/corpus_sounds.h"
 #include "datasets/diffuse_level.h"
+#include "datasets/inputs/corpus_inputs.h"
 #include "datasets/labels/label_number.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
@@ -25,7 +27,6 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
-#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
@@ -148,15 +149,19 @@ class RoomRecorder {
       name = inputs_.noise->files[random.below(static_cast<std::uint32_t>(inputs_.noise->files.size()), MixDraw::noise_file)];
       clip = load_sound(inputs_.noise->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
     }
+    std::vector<std::uint64_t> starts;
+    for (std::size_t c = 0; c < channels && !clip.empty(); ++c)
+      starts.push_back(random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)));
+    // Where all channels have drawn a pause, the loudest sample sounds in each at a time of its own.
+    const auto is_pause = [&](std::uint64_t start) { return energy_of(looped(clip, start, frames)) <= 0; };
+    if (!starts.empty() && std::ranges::all_of(starts, is_pause))
+      for (std::size_t c = 0; c < channels; ++c)
+        starts[c] = (loudest_sample(clip) + clip.size() - (c * frames / channels) % clip.size()) % clip.size();
     std::vector<float> noise;
     for (std::size_t c = 0; c < channels; ++c) {
       const RandomStream white(config_.rooms.seed, Purpose::sound, kMixStream, static_cast<std::uint32_t>(room_index_),
                                (static_cast<std::uint32_t>(recording) << 9) | static_cast<std::uint32_t>(c));
-      std::vector<float> channel =
-          clip.empty()
-              ? white_noise(white, frames)
-              : looped(clip, random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)),
-                       frames);
+      std::vector<float> channel = clip.empty() ? white_noise(white, frames) : looped(clip, starts[c], frames);
       scale(channel, static_cast<double>(diffuse_level(inputs_.layout, c)));
       if (inputs_.layout.kind == ListenerKind::array && inputs_.layout.microphones[c].lowpass_hz > 0)
         LowPass(static_cast<double>(inputs_.layout.microphones[c].lowpass_hz), static_cast<double>(config_.rooms.acoustics.sample_rate_hz))
@@ -178,13 +183,42 @@ class RoomRecorder {
   PlaceCheck places_;
 };
 
-/// Of the names of all sounds, and of the sizes of those that are files.  Throws InputError: an unknown kind, a file that cannot be read or
-/// whose name is not UTF-8.
+std::string group_of(const SoundClass& sound_class) { return "class " + sound_class.name; }
+
+/// Opens the files of all classes and of the noise.  Throws InputError, and where a corpus would lie in a folder that it reads.
+CorpusInputs open_inputs(const SoundSceneConfig& config, const CorpusRun& run, const ClassSounds& sounds, const SoundFolder* noise) {
+  for (const SoundClass& sound_class : config.classes)
+    for (const std::string& sound : sound_class.sounds)
+      if (std::filesystem::is_directory(sound)) require_outside(run.out, sound, "classes." + sound_class.name);
+  if (noise) require_outside(run.out, noise->root, "noise");
+  std::vector<InputFile> files;
+  for (std::size_t i = 0; i < sounds.size(); ++i)
+    for (const std::string& sound : sounds[i])
+      if (!sound.starts_with("synth:")) files.push_back({.group = group_of(config.classes[i]), .name = sound, .path = sound});
+  if (noise)
+    for (const std::string& file : noise->files) files.push_back({.group = "noise", .name = file, .path = noise->root / file});
+  return {std::move(files),
+          run.out,
+          {.skip_bad = config.skip_bad,
+           .sample_rate_hz = config.rooms.acoustics.sample_rate_hz,
+           .threads = run.threads,
+           .progress = run.opening}};
+}
+
+/// Leaves the good files of a class, and what is synthesized.
+void keep_good(std::vector<std::string>& sounds, const CorpusInputs& inputs, const SoundClass& sound_class) {
+  const std::vector<std::string> good = inputs.good(group_of(sound_class));
+  const std::set<std::string> kept(good.begin(), good.end());
+  std::erase_if(sounds, [&](const std::string& sound) { return !sound.starts_with("synth:") && !kept.contains(sound); });
+  if (sounds.empty())
+    throw InputError("classes." + sound_class.name, "has no usable sound file", "repair the files, or give another folder");
+}
+
+/// Of the names of all sounds, and of the sizes of those that are files.  Throws InputError: an unknown kind, a file that cannot be read.
 std::uint64_t hash_of(const ClassSounds& sounds, float sample_rate_hz) {
   std::string text;
   for (const auto& of_class : sounds)
     for (const std::string& sound : of_class) {
-      if (!is_utf8(sound)) throw InputError(sound, "has a name that is not valid UTF-8, which the manifest needs", "rename the file");
       text += sound;
       if (sound.starts_with("synth:"))
         (void)synthesize_sound(sound, sample_rate_hz);
@@ -219,10 +253,15 @@ std::string supervision_lines(const std::string& manifest_line, std::size_t num_
 SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const CorpusRun& run) {
   validate(config);
   validate(run);
-  const ClassSounds sounds = expand_classes(config);
-  const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);  // before anything is written
+  // All inputs are opened before anything is written.
+  ClassSounds sounds = expand_classes(config);
   std::optional<SoundFolder> noise;
   if (!config.noise.empty() && config.noise != "synth") noise = SoundFolder::list(config.noise);
+  const CorpusInputs files = open_inputs(config, run, sounds, noise ? &*noise : nullptr);
+  for (std::size_t i = 0; i < sounds.size(); ++i) keep_good(sounds[i], files, config.classes[i]);
+  if (noise) noise->files = files.good("noise");
+  if (noise && noise->files.empty()) throw InputError("noise", "has no usable sound file", "repair the files, or give another folder");
+  const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config.rooms);
   const ListenerLayout layout = ListenerLayout::named(config.rooms.channels);
   const float rate_hz = config.rooms.acoustics.sample_rate_hz;
@@ -232,6 +271,7 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
       "scenes",
       config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"),
       rate_hz, layout.channel_names()));
+  files.record();
   std::string names;
   for (const SoundClass& sound_class : config.classes) names += sound_class.name + "\n";
   write_file_atomically(run.out / "classes.txt", names);
@@ -256,7 +296,8 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
                     [&](const std::string& line) { return supervision_lines(line, static_cast<std::size_t>(layout.num_channels())); }}}});
   return {.recordings = done.items,
           .all_recordings = rooms.size() * static_cast<std::uint64_t>(config.recordings_per_room),
-          .folders_missing = done.folders_missing};
+          .folders_missing = done.folders_missing,
+          .left_out = files.left_out()};
 }
 
 }  // namespace earshot

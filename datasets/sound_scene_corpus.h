@@ -12,6 +12,7 @@ namespace earshot {
 struct SoundSceneReport {
   std::uint64_t recordings = 0, all_recordings = 0;  ///< written by this run; of the whole
   std::size_t folders_missing = 0;
+  std::size_t left_out = 0;  ///< sound files, with skip_bad
 };
 
 /// Writes recordings of sound scenes with DCASE's labels, or completes what was begun (docs/howto/datasets_signals.md); every byte is a

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "datasets/corpus_sounds.h"
 #include "sim/acoustics/response/retarded_source.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -14,15 +15,25 @@
 namespace earshot {
 namespace {
 
-/// The sound of an event, which loops, at the level that was drawn while it sounds.
-SoundClip levelled(const SoundEvent& event, float sample_rate_hz, std::size_t sounding) {
-  SoundClip clip = open_sound(event.sound, sample_rate_hz);
+double energy_of_loop(const SoundClip& clip, std::size_t sounding) {
   double sum = 0;
   for (std::size_t i = 0; i < sounding; ++i) {
     const auto sample = static_cast<double>(clip.samples[i % clip.samples.size()]);
     sum += sample * sample;
   }
-  if (sum <= 0) throw InputError(event.sound, "is silent for the length of an event", "remove it from its class, or increase event_s");
+  return sum;
+}
+
+/// The sound of an event, which loops, at the level that was drawn while it sounds.  One that begins with a silence as long as the event
+/// begins with its loudest sample instead.
+SoundClip levelled(const SoundEvent& event, float sample_rate_hz, std::size_t sounding) {
+  SoundClip clip = open_sound(event.sound, sample_rate_hz);
+  double sum = energy_of_loop(clip, sounding);
+  if (sum <= 0) {
+    std::ranges::rotate(clip.samples, clip.samples.begin() + static_cast<std::ptrdiff_t>(loudest_sample(clip.samples)));
+    sum = energy_of_loop(clip, sounding);
+  }
+  if (sum <= 0) throw InputError(event.sound, "is silent", "remove it from its class");
   const auto factor = static_cast<float>(std::pow(10, event.level_db / 20) / std::sqrt(sum / static_cast<double>(sounding)));
   for (float& sample : clip.samples) sample *= factor;
   return clip;

@@ -27,17 +27,25 @@ void add_sharing_options(CLI::App& command, CorpusTarget& target, const std::str
 
 double write_with_progress(const CorpusTarget& target, const std::string& command, const std::string& unit,
                            const std::function<void(const CorpusRun& run)>& write) {
-  std::unique_ptr<Progress> progress;  // begins with the first call, which knows the total
+  std::unique_ptr<Progress> opening, progress;  // each begins with its first call, which knows the total
   const auto begin = std::chrono::steady_clock::now();
   CorpusRun run{.out = target.out,
                 .threads = target.threads,
                 .shard = CorpusShard::parse(target.shard),
-                .progress = [&](std::uint64_t done, std::uint64_t total) {
-                  if (!progress) progress = std::make_unique<Progress>(command, unit, total);
-                  progress->update(done);
-                }};
+                .progress =
+                    [&](std::uint64_t done, std::uint64_t total) {
+                      opening.reset();
+                      if (!progress) progress = std::make_unique<Progress>(command, unit, total);
+                      progress->update(done);
+                    },
+                .opening =
+                    [&](std::uint64_t opened, std::uint64_t total) {
+                      if (!opening) opening = std::make_unique<Progress>(command, "files opened", total);
+                      opening->update(opened);
+                    }};
   if (can_write_sofa()) run.encode_sofa = encode_sofa;
   write(run);
+  opening.reset();
   progress.reset();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
@@ -48,6 +56,10 @@ void print_state(const CorpusTarget& target, std::size_t folders_missing, const 
   else
     fmt::print("{}: {} folders of other shards are missing; run any shard again when all shards are in this folder\n", target.out,
                folders_missing);
+}
+
+void print_left_out(const CorpusTarget& target, std::size_t left_out) {
+  if (left_out > 0) fmt::print("{}: {} bad sound files are left out (left_out in inputs.jsonl)\n", target.out, left_out);
 }
 
 }  // namespace earshot

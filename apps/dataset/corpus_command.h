@@ -28,4 +28,11 @@ double write_with_progress(const CorpusTarget& target, const std::string& comman
 /// Prints the content of a complete corpus, or the number of folders that other shards have yet to write.
 void print_state(const CorpusTarget& target, std::size_t folders_missing, const std::string& complete);
 
+/// What --help says of --skip-bad.
+inline constexpr const char* kSkipBadHelp =
+    "Leave out sound files that cannot be decoded, are silent or have an unreadable text, and list them in inputs.jsonl. Without this "
+    "option, a bad file ends the command before anything is written";
+/// Prints the number of files that --skip-bad has left out, if any.
+void print_left_out(const CorpusTarget& target, std::size_t left_out);
+
 }  // namespace earshot

@@ -39,6 +39,10 @@ void run_dataset_convolve(const DatasetConvolveArguments& options) {
              static_cast<double>(report.signals) / seconds);
   print_state(options.target, report.folders_missing,
               fmt::format("{} signals; manifest.jsonl, recordings.jsonl, supervisions.jsonl", report.all_signals));
+  print_left_out(options.target, report.left_out);
+  if (report.without_text > 0 && report.without_text < report.speech_files)
+    fmt::print("{}: {} of {} speech files have no text\n", options.target.out, report.without_text, report.speech_files);
+  if (report.unused_texts > 0) fmt::print("{}: {} lines of *.trans.txt name no sound file\n", options.target.out, report.unused_texts);
   if (report.folders_missing == 0 && report.lowered > 0)
     fmt::print("{} signals are quieter than drawn, so that no sample exceeds 1 (`lowered` in the manifest); a lower --level avoids this\n",
                report.lowered);
@@ -80,7 +84,9 @@ void add_dataset_convolve(CLI::App& dataset) {
                     "Also write each talker dry, delayed (to a fraction of a sample) and scaled like the direct sound. Sample 0 of every "
                     "file is the moment at which the first talker's file starts at its source");
   command->add_flag("--stems", config.stems, "Also write each talker and the noise as separate files");
-  command->add_flag("--cut", config.cut, "Cut the signal at the end of the dry speech instead of the end of its reverberation");
+  command->add_flag("--cut", config.cut,
+                    "Cut the signal at the end of the direct sound of all speech instead of the end of its reverberation");
+  command->add_flag("--skip-bad", config.skip_bad, kSkipBadHelp);
   command->add_option("--format", options->format, "Sound format: wav (32-bit float) or flac (24 bits)")
       ->check(CLI::IsMember({"wav", "flac"}))
       ->capture_default_str();

@@ -14,10 +14,13 @@ struct DatasetScenesArguments {
   CorpusTarget target;
   std::string config;
   std::vector<std::string> overrides;
+  bool skip_bad = false;
 };
 
 void run_dataset_scenes(const DatasetScenesArguments& options) {
-  const SoundSceneConfig config = load_sound_scene_config(options.config, options.overrides);
+  std::vector<std::string> overrides = options.overrides;
+  if (options.skip_bad) overrides.emplace_back("skip_bad=true");
+  const SoundSceneConfig config = load_sound_scene_config(options.config, overrides);
   SoundSceneReport report;
   const double seconds = write_with_progress(options.target, "dataset scenes", "recordings",
                                              [&](const CorpusRun& run) { report = write_sound_scenes(config, run); });
@@ -25,6 +28,7 @@ void run_dataset_scenes(const DatasetScenesArguments& options) {
   print_state(options.target, report.folders_missing,
               fmt::format("{} recordings; manifest.jsonl, recordings.jsonl, supervisions.jsonl, one CSV file next to each recording",
                           report.all_recordings));
+  print_left_out(options.target, report.left_out);
 }
 
 }  // namespace
@@ -40,6 +44,7 @@ void add_dataset_scenes(CLI::App& dataset) {
       ->required();
   add_out_option(*command, options->target);
   command->add_option("--set", options->overrides, "Override a key of the config: key=value, for example max_overlap=1; may be repeated");
+  command->add_flag("--skip-bad", options->skip_bad, std::string(kSkipBadHelp) + "; same as skip_bad=true");
   add_sharing_options(*command, options->target);
   command->callback([options] { run_dataset_scenes(*options); });
 }

@@ -185,3 +185,5 @@ class RecordingCorpusConfig(Section):
     snr_db: list[float] = dataclasses.field(default_factory=lambda: [10.0, 30.0])
     #: Level of a recording. Range: least and largest, -100 to 0.
     level_dbfs: list[float] = dataclasses.field(default_factory=lambda: [-35.0, -25.0])
+    #: Leave out sound files that cannot be decoded or are silent, as inputs.jsonl lists them. false: such a file is refused.
+    skip_bad: bool = False

@@ -218,7 +218,10 @@ TEST_F(ConvolveCorpus, SupervisionsCoverTheSpeech) {
     EXPECT_EQ(segments[i]["channel"], nlohmann::json({0, 1}));
     EXPECT_NEAR(segments[i]["start"].get<double>(), lines[i]["talkers"][0]["direct_delay_s"].get<double>(), 0.5 / 16000 + 1e-9);
     EXPECT_LE(segments[i]["start"].get<double>() + segments[i]["duration"].get<double>(), recordings[i]["duration"].get<double>() + 1e-9);
-    EXPECT_EQ(recordings[i]["num_samples"], lines[i]["talkers"][0]["num_samples"]);  // cut: no tail
+    // Cut: no tail, and the direct sound to its end.
+    const auto samples = lines[i]["talkers"][0]["num_samples"].get<std::size_t>();
+    EXPECT_EQ(recordings[i]["num_samples"], samples + std::lround(16000 * lines[i]["talkers"][0]["direct_delay_s"].get<double>()));
+    EXPECT_NEAR(segments[i]["duration"].get<double>(), static_cast<double>(samples) / 16000, 1e-12);
     EXPECT_EQ(segments[i]["custom"]["snr_db"], lines[i]["noise"]["snr_db"]);
     EXPECT_EQ(segments[i].contains("text"), lines[i]["talkers"][0]["speech"] == "b.wav");
   }
