@@ -45,9 +45,10 @@ void read_rooms(ConfigReader& reader, RirCorpusConfig& config) {
               "Scenes (house:0..99 stands for a hundred), or folders of meshes and scene YAMLs.");
   reader.read("rooms_per_scene", config.rooms_per_scene, Allowed::between(1, 1'000'000),
               "Number of times that each scene comes; with randomize each time with other materials.");
-  if (reader.asks_for("randomize") && !config.randomize) config.randomize.emplace();
+  if (reader.asks_for("randomize") && !config.randomize) config.randomize.emplace().noise_std = kPaperNoiseStd;
   if (!config.randomize) return;
-  ConfigReader randomize = reader.child("randomize", "Random materials in every room; {} takes the defaults.");
+  ConfigReader randomize =
+      reader.child("randomize", "Random materials in every room; {} takes the defaults, with the noise of SoundSpaces 2.0.");
   read(randomize, *config.randomize);
   randomize.finish();
 }

@@ -9,17 +9,32 @@
 
 #include "sim/scene/materials/materials.h"
 #include "sim/scene/materials/semantic_materials.h"
+#include "sim/scene/mesh/triangle_mesh.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
 
 class ConfigReader;
 
+/// Standard deviation of the noise of SoundSpaces 2.0 (Chen et al. 2022, supplement: N(0, 0.1)), the default of corpora.
+inline constexpr float kPaperNoiseStd = 0.1f;
+
+/// What gets one draw of a material and its noise.
+enum class RandomizedUnit {
+  category,  ///< all surfaces of a semantic category; those without one by their material
+  object     ///< each object of the mesh: two chairs differ
+};
+
 /// How to vary the materials of a scene, so that a policy learned in it does not depend on one guess of them.
 struct AcousticRandomization {
   std::uint64_t seed = 0;
-  bool candidates = true;   ///< draw the material of each semantic category from its candidates; else keep it
-  float noise_std = 0.05f;  ///< of Gaussian noise on each absorption and scattering coefficient, [0, 1]
+  bool candidates = true;  ///< draw the material of each semantic category from its candidates; else keep it
+  RandomizedUnit per = RandomizedUnit::category;
+  /// Absorption and scattering of each octave are drawn uniformly from [0, 1], whatever the material; else they get Gaussian noise.
+  bool uniform = false;
+  float noise_std = 0.05f;  ///< of Gaussian noise on the mean of each octave of absorption and scattering, [0, 1]; no effect with uniform
+  /// Between the noise of neighbouring octaves, [0, 1]; of Gaussian noise the k-th power between octaves k apart.
+  float noise_correlation = 0;
   /// Of Gaussian noise on the transmission loss, dB, [0, 60].  Not on the coefficient: noise of 0.05 on a coefficient of 0.0001 would
   /// leave a wall that either transmits nothing or is an open window.
   float transmission_noise_db = 3.f;
@@ -28,9 +43,10 @@ struct AcousticRandomization {
 /// Reads all fields but the seed.  Throws InputError.
 void read(ConfigReader& reader, AcousticRandomization& randomization);
 
-/// `material` with noise at the octave midbands 125 Hz to 8 kHz (exact midbands 1000 * 10^(0.3 k)); its curves are those points then.
-/// Absorption and scattering are clipped to [0, 1]; transmission that was 0 stays 0, and none exceeds the absorption.  `scene` and `key`
-/// pick the random numbers: a pure function of its arguments.
+/// `material` with noise that is constant within each octave from 125 Hz to 8 kHz (base-ten octaves, as bands.h; the outer ones go on
+/// beyond), so that the mean over an octave varies as asked, and steps at their edges within 1e-5 of the frequency.  Absorption and
+/// scattering are clipped to [0, 1]; transmission that was 0 stays 0, and none exceeds the absorption.  `scene` and `key` pick the random
+/// numbers: a pure function of its arguments.
 Material with_noise(const Material& material, const AcousticRandomization& randomization, std::string_view scene, std::string_view key);
 
 /// One material per slot: where a semantic category applies (Material::category, else that of the slot's name if names are given), a random
@@ -40,6 +56,12 @@ Material with_noise(const Material& material, const AcousticRandomization& rando
 std::vector<Material> randomize_materials(std::string_view scene, std::span<const std::string> slot_names,
                                           std::span<const Material> materials, const SemanticMaterials& semantics,
                                           const MaterialDatabase& database, const AcousticRandomization& randomization);
+
+/// The same for a mesh with one material per slot; with RandomizedUnit::object every object of a slot gets a slot of its own, named
+/// "SLOT/OBJECT", and two objects of a category may be of different materials.  use_slot_names: as slot_names above.
+void randomize_materials(std::string_view scene, TriangleMesh& mesh, std::vector<Material>& materials, ImportReport& report,
+                         bool use_slot_names, const SemanticMaterials& semantics, const MaterialDatabase& database,
+                         const AcousticRandomization& randomization);
 
 /// The same scene with randomized materials, for a new episode.  Cost: a copy of the mesh and a new ray structure.
 Scene randomize_materials(const Scene& scene, const SemanticMaterials& semantics, const MaterialDatabase& database,

@@ -155,7 +155,7 @@ Scene load_scene(const std::string& spec, const SceneOverrides& overrides) {
                                                      geometry.report.warnings, &geometry.report.choices);
   if (config.randomization) {
     const SemanticMaterials semantics = config.rules.semantics ? *config.rules.semantics : SemanticMaterials::indoor();
-    materials = randomize_materials(spec, {}, materials, semantics, database, *config.randomization);
+    randomize_materials(spec, geometry.mesh, materials, geometry.report, false, semantics, database, *config.randomization);
   }
   return Scene(spec, std::move(geometry.mesh), std::move(materials), config.air, std::move(geometry.report));
 }

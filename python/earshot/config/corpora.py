@@ -10,9 +10,11 @@ from .._section import Section
 from .acoustics import CorpusAcoustics
 
 if TYPE_CHECKING:
+    CategoryObject = Literal["category", "object"]
     FlacWav = Literal["flac", "wav"]
     TextOrList = str | list[str]
 else:  # OmegaConf 2.3 knows no Literal and no unions of lists
+    CategoryObject = str
     FlacWav = str
     TextOrList = Any
 
@@ -39,12 +41,18 @@ class Shoeboxes(Section):
 
 @dataclasses.dataclass(kw_only=True, slots=True)
 class Randomize(Section):
-    """Random materials in every room; {} takes the defaults."""
+    """Random materials in every room; {} takes the defaults, with the noise of SoundSpaces 2.0."""
 
     #: Draws the material of each semantic category from its candidates. false: materials stay, with noise.
     candidates: bool = True
-    #: Standard deviation of the noise on absorption and scattering coefficients. Range: 0 to 1.
-    noise_std: float = 0.05
+    #: What gets one draw. category: all surfaces of a semantic category. object: each object of the mesh.
+    per: CategoryObject = "category"
+    #: Absorption and scattering of each octave from 0 to 1, whatever the material. false: Gaussian noise on them.
+    uniform: bool = False
+    #: Standard deviation of the noise on absorption and scattering in each octave. No effect with uniform. Range: 0 to 1.
+    noise_std: float = 0.1
+    #: Correlation of the noise of neighbouring octaves. Range: 0 to 1.
+    noise_correlation: float = 0.0
     #: Standard deviation of the noise on transmission losses. Range: 0 to 60.
     transmission_noise_db: float = 3.0
 
@@ -73,7 +81,7 @@ class ResponseCorpusConfig(Section):
     scenes: list[str] = dataclasses.field(default_factory=list)
     #: Number of times that each scene comes; with randomize each time with other materials. Range: 1 to 1,000,000.
     rooms_per_scene: int = 1
-    #: Random materials in every room; {} takes the defaults.
+    #: Random materials in every room; {} takes the defaults, with the noise of SoundSpaces 2.0.
     randomize: Randomize | None = None
     #: Sources in each room. Range: 1 to 65,000.
     sources_per_room: int = 4
@@ -132,7 +140,7 @@ class RecordingCorpusConfig(Section):
     scenes: list[str] = dataclasses.field(default_factory=list)
     #: Number of times that each scene comes; with randomize each time with other materials. Range: 1 to 1,000,000.
     rooms_per_scene: int = 1
-    #: Random materials in every room; {} takes the defaults.
+    #: Random materials in every room; {} takes the defaults, with the noise of SoundSpaces 2.0.
     randomize: Randomize | None = None
     #: Height of sources above the floor. Range: least and largest, 0.05 to 100.
     source_height_m: list[float] = dataclasses.field(default_factory=lambda: [1.1, 1.8])

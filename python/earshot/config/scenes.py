@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Literal
 from .._section import Section
 
 if TYPE_CHECKING:
+    CategoryObject = Literal["category", "object"]
     EnergyPressure = Literal["energy", "pressure"]
     ExactLegacySubstring = Literal["exact", "legacy_substring"]
     YZ = Literal["y", "z"]
 else:  # OmegaConf 2.3 knows no Literal and no unions of lists
+    CategoryObject = str
     EnergyPressure = str
     ExactLegacySubstring = str
     YZ = str
@@ -26,8 +28,14 @@ class SceneRandomize(Section):
     seed: int = 0
     #: Draws the material of each semantic category from its candidates. false: materials stay, with noise.
     candidates: bool = True
-    #: Standard deviation of the noise on absorption and scattering coefficients. Range: 0 to 1.
+    #: What gets one draw. category: all surfaces of a semantic category. object: each object of the mesh.
+    per: CategoryObject = "category"
+    #: Absorption and scattering of each octave from 0 to 1, whatever the material. false: Gaussian noise on them.
+    uniform: bool = False
+    #: Standard deviation of the noise on absorption and scattering in each octave. No effect with uniform. Range: 0 to 1.
     noise_std: float = 0.05
+    #: Correlation of the noise of neighbouring octaves. Range: 0 to 1.
+    noise_correlation: float = 0.0
     #: Standard deviation of the noise on transmission losses. Range: 0 to 60.
     transmission_noise_db: float = 3.0
 

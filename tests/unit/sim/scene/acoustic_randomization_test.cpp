@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -21,6 +22,13 @@ std::vector<float> values_of(const Material& m) {
     values.insert(values.end(), curve->value.begin(), curve->value.end());
   }
   return values;
+}
+
+constexpr int kOctaves = 7;
+/// Mean over a base-ten octave (IEC 61260-1:2014), which the engine takes for its bands.
+float octave_mean(const CoefficientCurve& curve, int octave) {
+  const auto edge = [&](double offset) { return static_cast<float>(1000 * std::pow(10, 0.3 * (octave - 3 + offset))); };
+  return curve.band_mean(edge(-0.5), edge(0.5));
 }
 
 const std::vector<std::string> kSlots = {"wall", "floor", "sofa_3", "nothing known", "wall_2"};
@@ -74,9 +82,8 @@ TEST(AcousticRandomization, NoiseIsGaussianOfTheStatedSize) {
     double sum = 0, squares = 0, fourth = 0;
     for (int key = 0; key < keys; ++key) {
       const Material noisy = with_noise(middle, {.seed = 3}, "scene", std::to_string(key));
-      ASSERT_EQ((noisy.*curve).value.size(), static_cast<std::size_t>(octaves));
-      for (const float value : (noisy.*curve).value) {
-        const double d = (value - 0.5) / 0.05;
+      for (int octave = 0; octave < octaves; ++octave) {
+        const double d = (octave_mean(noisy.*curve, octave) - 0.5) / 0.05;
         sum += d;
         squares += d * d;
         fourth += d * d * d * d;
@@ -90,8 +97,9 @@ TEST(AcousticRandomization, NoiseIsGaussianOfTheStatedSize) {
   // Transmission: 3 dB about -40 dB.
   double sum_db = 0, squares_db = 0;
   for (int key = 0; key < keys; ++key) {
-    for (const float value : with_noise(middle, {.seed = 3}, "scene", std::to_string(key)).transmission.value) {
-      const double d = (10 * std::log10(value) + 40) / 3;
+    const Material noisy = with_noise(middle, {.seed = 3}, "scene", std::to_string(key));
+    for (int octave = 0; octave < octaves; ++octave) {
+      const double d = (10 * std::log10(octave_mean(noisy.transmission, octave)) + 40) / 3;
       sum_db += d;
       squares_db += d * d;
     }
@@ -106,12 +114,144 @@ TEST(AcousticRandomization, OctavesAndCoefficientsAreIndependent) {
   double same_octave = 0, next_octave = 0;
   for (int key = 0; key < keys; ++key) {
     const Material noisy = with_noise(middle, {.seed = 5}, "scene", std::to_string(key));
-    same_octave += (noisy.absorption.value[2] - 0.5) * (noisy.scattering.value[2] - 0.5) / 0.0025;
-    next_octave += (noisy.absorption.value[2] - 0.5) * (noisy.absorption.value[3] - 0.5) / 0.0025;
+    const double third = octave_mean(noisy.absorption, 2) - 0.5;
+    same_octave += third * (octave_mean(noisy.scattering, 2) - 0.5) / 0.0025;
+    next_octave += third * (octave_mean(noisy.absorption, 3) - 0.5) / 0.0025;
     for (const float t : noisy.transmission.value) ASSERT_EQ(t, 0.f);  // what is opaque stays so
   }
   EXPECT_NEAR(same_octave / keys, 0, 4 / std::sqrt(keys));
   EXPECT_NEAR(next_octave / keys, 0, 4 / std::sqrt(keys));
+}
+
+/// Deviation of each octave and correlation of each pair of neighbours, over seeds and keys.
+struct OctaveStatistics {
+  std::array<double, kOctaves> mean{}, deviation{}, with_next{}, with_second{};
+};
+OctaveStatistics statistics_of(const CoefficientCurve Material::*curve, const std::vector<Material>& drawn) {
+  OctaveStatistics result;
+  std::vector<std::array<double, kOctaves>> values;
+  for (const Material& material : drawn) {
+    std::array<double, kOctaves>& octaves = values.emplace_back();
+    for (int k = 0; k < kOctaves; ++k) octaves[k] = octave_mean(material.*curve, k);
+  }
+  const auto n = static_cast<double>(values.size());
+  for (const auto& octaves : values)
+    for (int k = 0; k < kOctaves; ++k) result.mean[k] += octaves[k] / n;
+  const auto covariance = [&](int a, int b) {
+    double sum = 0;
+    for (const auto& octaves : values) sum += (octaves[a] - result.mean[a]) * (octaves[b] - result.mean[b]);
+    return sum / n;
+  };
+  for (int k = 0; k < kOctaves; ++k) result.deviation[k] = std::sqrt(covariance(k, k));
+  for (int k = 0; k + 1 < kOctaves; ++k) result.with_next[k] = covariance(k, k + 1) / (result.deviation[k] * result.deviation[k + 1]);
+  for (int k = 0; k + 2 < kOctaves; ++k) result.with_second[k] = covariance(k, k + 2) / (result.deviation[k] * result.deviation[k + 2]);
+  return result;
+}
+
+/// A room with `count` objects of one category, an object with a slot of its own and one without a category.
+struct ObjectRoom {
+  TriangleMesh mesh;
+  std::vector<Material> materials;
+  ImportReport report;
+  explicit ObjectRoom(int count, const Material& material) {
+    for (int i = 0; i < count; ++i)
+      append_box(mesh, glm::vec3(2.f * static_cast<float>(i), 0, 0), glm::vec3(2.f * static_cast<float>(i) + 1, 1, 1),
+                 intern(mesh.material_names, "chair"), intern(mesh.object_names, "chair_" + std::to_string(i)));
+    append_box(mesh, {0, 2, 0}, {1, 3, 1}, intern(mesh.material_names, "plain"), intern(mesh.object_names, "thing"));
+    materials.assign(mesh.material_names.size(), material);
+  }
+};
+
+// Ten settings; 400 seeds with eight draws each.  The standard errors of a deviation and of a correlation r over n normal numbers are
+// 1 / sqrt(2 n) and (1 - r^2) / sqrt(n); 4.5 of them, since there are 400 comparisons.  Coefficients lie four deviations and more from 0
+// and 1, so that clipping plays no part, and vary within the octaves.
+TEST(AcousticRandomization, OctavesHaveTheDeviationAndCorrelationThatAreAsked) {
+  Material middle = Material::uniform("m", 0.5f, 0.5f, 0.f);
+  middle.absorption = {{100, 300, 1000, 5000}, {0.46f, 0.52f, 0.5f, 0.54f}};
+  constexpr int kSeeds = 400, kDraws = 8;
+  const double n = kSeeds * kDraws;
+  const MaterialDatabase database = MaterialDatabase::builtin();
+  const SemanticMaterials semantics = SemanticMaterials::indoor();
+  std::uint64_t state = 40;
+  const auto draw = [&] {
+    return static_cast<double>((state = 6364136223846793005u * state + 1442695040888963407u) >> 40) / double{1 << 24};
+  };
+  for (int setting = 0; setting < 10; ++setting) {
+    AcousticRandomization randomization;
+    randomization.candidates = false;
+    randomization.uniform = setting % 2 == 1;
+    randomization.per = setting % 4 < 2 ? RandomizedUnit::category : RandomizedUnit::object;
+    randomization.noise_std = static_cast<float>(setting == 0 ? 0.1 : 0.02 + 0.08 * draw());
+    randomization.noise_correlation = static_cast<float>(setting < 2 ? 0 : 0.95 * draw());
+    std::vector<Material> drawn;
+    for (int seed = 0; seed < kSeeds; ++seed) {
+      randomization.seed = static_cast<std::uint64_t>(1000 * setting + seed);
+      if (randomization.per == RandomizedUnit::object) {
+        ObjectRoom room(kDraws, middle);
+        randomize_materials("room", room.mesh, room.materials, room.report, true, semantics, database, randomization);
+        drawn.insert(drawn.end(), room.materials.begin(), room.materials.begin() + kDraws);
+      } else {
+        for (int key = 0; key < kDraws; ++key)
+          drawn.push_back(with_noise(middle, randomization, "room", "category " + std::to_string(key)));
+      }
+    }
+    const double asked = randomization.uniform ? 1 / std::sqrt(12) : static_cast<double>(randomization.noise_std);
+    const auto r = static_cast<double>(randomization.noise_correlation);
+    // A uniform number has the fourth moment 9/5, so that its deviation has an error of sqrt(0.8) / (2 sqrt(n)).
+    const double deviation_error = randomization.uniform ? std::sqrt(0.8) / (2 * std::sqrt(n)) : 1 / std::sqrt(2 * n);
+    for (const CoefficientCurve Material::*curve : {&Material::absorption, &Material::scattering}) {
+      const OctaveStatistics found = statistics_of(curve, drawn);
+      for (int k = 0; k < kOctaves; ++k) {
+        const double middle_value = randomization.uniform ? 0.5 : static_cast<double>(octave_mean(middle.*curve, k));
+        EXPECT_NEAR(found.mean[k], middle_value, 4.5 * asked / std::sqrt(n)) << setting << " " << k;
+        EXPECT_NEAR(found.deviation[k] / asked, 1, 4.5 * deviation_error) << setting << " " << k;
+      }
+      for (int k = 0; k + 1 < kOctaves; ++k) EXPECT_NEAR(found.with_next[k], r, 4.5 / std::sqrt(n)) << setting << " " << k;
+      for (int k = 0; k + 2 < kOctaves && !randomization.uniform; ++k)
+        EXPECT_NEAR(found.with_second[k], r * r, 4.5 / std::sqrt(n)) << setting << " " << k;
+    }
+  }
+}
+
+TEST(AcousticRandomization, FullCorrelationIsOneDrawForAllOctaves) {
+  const Material middle = Material::uniform("m", 0.5f, 0.5f, 0.f);
+  for (const bool uniform : {false, true}) {
+    const Material noisy = with_noise(middle, {.seed = 5, .uniform = uniform, .noise_correlation = 1}, "scene", "key");
+    for (const float value : noisy.absorption.value) EXPECT_FLOAT_EQ(value, noisy.absorption.value[0]);
+    EXPECT_NE(noisy.absorption.value[0], 0.5f);
+  }
+}
+
+// Two chairs may differ; the parts of one have one draw, and other objects play no part.
+TEST(AcousticRandomization, ObjectsHaveDrawsOfTheirOwn) {
+  const MaterialDatabase database = MaterialDatabase::builtin();
+  const SemanticMaterials semantics = SemanticMaterials::indoor();
+  std::set<std::string> chairs;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const auto randomized_room = [&](int count, RandomizedUnit per) {
+      ObjectRoom room(count, database.get("marble", ""));
+      room.report.choices.assign(room.materials.size(), {});
+      room.report.choices[1].by = "plain";
+      randomize_materials("room", room.mesh, room.materials, room.report, true, semantics, database, {.seed = seed, .per = per});
+      return room;
+    };
+    const ObjectRoom together = randomized_room(3, RandomizedUnit::category), apart = randomized_room(3, RandomizedUnit::object),
+                     two = randomized_room(2, RandomizedUnit::object);
+    EXPECT_EQ(together.materials.size(), 2u);
+    ASSERT_EQ(apart.materials.size(), 4u);
+    EXPECT_EQ(apart.mesh.material_names, (std::vector<std::string>{"chair/chair_0", "chair/chair_1", "chair/chair_2", "plain/thing"}));
+    ASSERT_EQ(apart.report.choices.size(), 4u);
+    EXPECT_EQ(apart.report.choices[3].by, "plain");
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(apart.materials[i].category, "chair");
+      EXPECT_NE(values_of(apart.materials[i]), values_of(apart.materials[(i + 1) % 3]));
+      chairs.insert(apart.materials[i].name);
+    }
+    EXPECT_EQ(values_of(two.materials[1]), values_of(apart.materials[1]));
+    for (std::size_t t = 0; t < apart.mesh.triangles.size(); ++t) EXPECT_EQ(apart.mesh.triangle_material[t], apart.mesh.triangle_object[t]);
+  }
+  EXPECT_GT(chairs.size(), 1u);
+  EXPECT_EQ(semantics.category_of("chair/chair_0"), "chair");
 }
 
 TEST(AcousticRandomization, WithoutNoiseTheChoiceAloneIsRandom) {
