@@ -81,7 +81,7 @@ def run_program(program: str, spec: str, place: Place, options: list[str], seed:
             "--seed",
             str(seed),
         ]
-        for setting in ("rir_length_s=auto", "threads=1", "air_absorption=off", "diffraction=off", *place.settings):
+        for setting in ("rir_length_s=auto", "threads=1", "air_absorption=off", "diffraction=off", "wall_power=off", *place.settings):
             command += ["--set", setting]
         command += ["--channels", "mono", "--out", str(Path(folder) / "out.wav"), "--metrics", str(metrics)]
         begin = time.monotonic()
