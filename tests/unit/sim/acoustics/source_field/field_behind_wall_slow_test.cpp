@@ -67,7 +67,7 @@ TEST(BehindWallSlow, PhotonsAndListenerRaysAgreeWithPathsFromBothEnds) {
       return rooms::total_energy(rooms::late_field(rooms, config, source, listener));
     });
     expect_same("64 rays", tau, rays, expected, 0.01);
-    // Of one response.  2.6 dB was the scatter of rays that go through walls by chance.
+    // Of one response.  Rays that go through walls by chance scatter by 1 to 2.6 dB.
     const double scatter_db = 10 / std::log(10.0) * rays.standard_error * std::sqrt(double{seeds}) / rays.mean;
     std::printf("  scatter of 64 rays %.2f dB\n", scatter_db);
     EXPECT_LT(scatter_db, 1.6) << tau;
