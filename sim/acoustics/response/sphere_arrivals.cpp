@@ -17,6 +17,7 @@
 namespace earshot {
 namespace {
 
+constexpr std::size_t kMostInShadow = 32;  // points that are all used
 constexpr double kTurn = 2 * std::numbers::pi;
 
 /// One part of the sphere.
@@ -179,7 +180,13 @@ PoseEffects find_sphere_arrivals(const AcousticScene& scene, const EarlyCandidat
 
   SpherePaths paths(scene);
   const std::vector<Arrival> images = arrivals;
-  for (const SpherePoint& point : points) {
+  // In the shadow the field is smooth over the sphere: every fourth pair stands for all.
+  const std::size_t stride = effects.in_sight || points.size() < kMostInShadow ? 1 : 4;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (i / 2 % stride != 0) continue;
+    const SpherePoint& point = points[i];
+    ++count;
     arrivals = images;
     if (Arrival straight; point.in_sight && EarlyCandidates::set_direct(scene, point.at, listener, straight))
       arrivals.insert(arrivals.begin(), straight);
@@ -195,7 +202,7 @@ PoseEffects find_sphere_arrivals(const AcousticScene& scene, const EarlyCandidat
       for (const Arrival& arrival : arrivals) paths.add(arrival);
     }
   }
-  paths.finish(points.size(), arrivals);
+  paths.finish(count, arrivals);
   return effects;
 }
 

@@ -35,8 +35,9 @@ bool is_sphere(const AcousticScene& scene, const SoundSource& source, glm::vec3 
 
 /// Adds these arrivals, without the source's emission, to `arrivals`, which has the image paths of the centre, sorted by distance, and
 /// stays so.  The same bits for the same arguments and seed.  Returns the effects of the pose: in_sight if any point is, transmission if
-/// any is hidden and walls let sound through, diffraction if a path over edges matters.  Allocates.  Cost: as many shadow rays, and
-/// searches over edges (diffraction_budget.h), as points.
+/// any is hidden and walls let sound through, diffraction if a path over edges matters.  Allocates.  Cost: as many shadow
+/// rays as points, and as many searches over edges (diffraction_budget.h), a quarter of them if no point is in sight and there are 32 or
+/// more.
 PoseEffects find_sphere_arrivals(const AcousticScene& scene, const EarlyCandidates& candidates, glm::vec3 listener,
                                  std::vector<Arrival>& arrivals);
 
