@@ -111,7 +111,7 @@ class Module:
     def value(self, key: dict[str, Any], follows_preset: bool) -> str:
         kind, name, default = key["type"], key["name"], key.get("default")
         annotation = self.choice(key["choices"]) if kind == "choice" else TYPES[kind]
-        if key["range"].endswith("or auto") and kind == "number":
+        if re.search(r"or [a-z_]+$", key["range"]) and kind == "number":
             annotation = "float | str"
         about = key["about"] + (f" Range: {key['range']}." if key["range"] and kind != "choice" and kind != "true or false" else "")
         if follows_preset and default is not None and name != "preset":

@@ -36,6 +36,9 @@ class Acoustics(Section):
     wall_power: AutoOffOn | None = None
     #: Absorption in air (ISO 9613-1). auto: the effect plan decides. Without a preset: auto.
     air_absorption: AutoOffOn | None = None
+    #: Points of a source with a radius whose sight from the listener decides its direct sound. 0 or 1: its centre alone. No effect
+    #: on point sources. Range: 0 to 4,096. Without a preset: 64.
+    direct_rays: int | None = None
     #: Largest number of specular reflections of an image path. Range: 0 to 4. Without a preset: 2.
     early_order: int | None = None
     #: Rays traced once per source to find the sequences of planes of image paths. Range: 0 to 10,000,000. Without a preset: 2000.
@@ -58,9 +61,10 @@ class Acoustics(Section):
     source_rays: int | None = None
     #: Reflections of a source ray that are kept; only with source_rays above 0. Range: 1 to 60. Without a preset: 10.
     source_bounces: int | None = None
-    #: Exponent n of the lobe cos^n of specular reflections. 0: reflections as from a mirror. Range: 1 to 1,000, or 0. Without a
-    #: preset: 0.
-    specular_exponent: float | None = None
+    #: Exponent n of the lobe cos^n of specular reflections, at least 1. 0: reflections as from a mirror. from_scattering: one lobe
+    #: for all reflections, n = 3 / s - 3 of the scattering coefficient s of each material and band. Range: 0 to 1,000, or
+    #: from_scattering. Without a preset: 0.
+    specular_exponent: float | str | None = None
     #: Largest number of reflections of a ray, a safety bound: time and Russian roulette end rays earlier. Range: 0 to
     #: 2,147,483,647. Without a preset: 1000.
     max_bounces: int | None = None
@@ -132,6 +136,9 @@ class CorpusAcoustics(Section):
     wall_power: AutoOffOn | None = None
     #: Absorption in air (ISO 9613-1). auto: the effect plan decides. Without a preset: auto.
     air_absorption: AutoOffOn | None = None
+    #: Points of a source with a radius whose sight from the listener decides its direct sound. 0 or 1: its centre alone. No effect
+    #: on point sources. Range: 0 to 4,096. Without a preset: 64.
+    direct_rays: int | None = None
     #: Largest number of specular reflections of an image path. Range: 0 to 4. Without a preset: 2.
     early_order: int | None = None
     #: Rays traced once per source to find the sequences of planes of image paths. Range: 0 to 10,000,000. Without a preset: 2000.
@@ -154,9 +161,10 @@ class CorpusAcoustics(Section):
     source_rays: int | None = None
     #: Reflections of a source ray that are kept; only with source_rays above 0. Range: 1 to 60. Without a preset: 10.
     source_bounces: int | None = None
-    #: Exponent n of the lobe cos^n of specular reflections. 0: reflections as from a mirror. Range: 1 to 1,000, or 0. Without a
-    #: preset: 0.
-    specular_exponent: float | None = None
+    #: Exponent n of the lobe cos^n of specular reflections, at least 1. 0: reflections as from a mirror. from_scattering: one lobe
+    #: for all reflections, n = 3 / s - 3 of the scattering coefficient s of each material and band. Range: 0 to 1,000, or
+    #: from_scattering. Without a preset: 0.
+    specular_exponent: float | str | None = None
     #: Largest number of reflections of a ray, a safety bound: time and Russian roulette end rays earlier. Range: 0 to
     #: 2,147,483,647. Without a preset: 1000.
     max_bounces: int | None = None
