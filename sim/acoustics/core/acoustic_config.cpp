@@ -92,9 +92,10 @@ void read_late(ConfigReader& reader, AcousticConfig& config) {
               "Rays traced from the source for bidirectional path tracing. 0: rays from the listener only.");
   reader.read("source_bounces", config.source_bounces, Allowed::between(1, 60),
               "Reflections of a source ray that are kept; only with source_rays above 0.");
-  reader.read("specular_exponent", config.specular_exponent, Allowed::between(0, 1000).or_word("from_scattering", -1),
-              "Exponent n of the lobe cos^n of specular reflections, at least 1. 0: reflections as from a mirror. from_scattering: one lobe "
-              "for all reflections, n = 3 / s - 3 of the scattering coefficient s of each material and band.");
+  reader.read(
+      "specular_exponent", config.specular_exponent, Allowed::between(0, 1000).or_word("from_scattering", -1),
+      "Exponent n of the lobe cos^n of specular reflections, at least 1. 0: reflections as from a mirror. from_scattering: one lobe "
+      "for all reflections, n = 3 / s - 3 of the scattering coefficient s of each material and band.");
   reader.read("max_bounces", config.max_bounces, Allowed::at_least(0),
               "Largest number of reflections of a ray, a safety bound: time and Russian roulette end rays earlier.");
   reader.read("time_bin_s", config.time_bin_s, Allowed::between(1e-5, 0.1), "Width of a time bin of the energy response.");

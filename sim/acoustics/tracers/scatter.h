@@ -71,8 +71,8 @@ void absorb_inside(const AcousticScene& scene, std::uint32_t material, const Wal
 /// Draws how and where the subpath leaves.  On entry origin and direction are those of the segment that ended at `hit`; on return those of
 /// the next one; arriving and weight are those behind the event.  u: uniform in [0, 1).
 template <int W>
-Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::array<float, 4>& u, SubpathEnergy<W>& energy, glm::vec3& origin,
-                        glm::vec3& direction) {
+Departure leave_surface(const AcousticScene& scene, const Hit& hit, const std::array<float, 4>& u, SubpathEnergy<W>& energy,
+                        glm::vec3& origin, glm::vec3& direction) {
   const ReflectionModel& model = scene.reflection_model();
   const std::uint32_t material = scene.scene().mesh().triangle_material[hit.triangle];
   const auto num_bands = static_cast<float>(scene.num_bands());
