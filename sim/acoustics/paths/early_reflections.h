@@ -38,9 +38,10 @@ class EarlyCandidates {
   /// at most, the planes that it consists of from a quarter on.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
   /// Planes that end in the air reflect by their size (panel_reflection.h).  Of the kMostPanels panels in the air that the source sees
-  /// largest, what goes to their sides are paths too, in sight, at most kMostPanelPaths; energy of weaker ones is `scattered`, as arrivals.
-  /// So is, of longer images, what panels reflect but not here, and of one plane that is no such panel all that it does not reflect here if
-  /// its edges are left out (DiffractionBudget::near_boundary_only).  What no panel reflects passes round it.  Null: that energy is lost.
+  /// largest (kMostQuickPanels: DiffractionBudget::quick), what goes to their sides are paths too, in sight, at most kMostPanelPaths;
+  /// energy of weaker ones is `scattered`, as arrivals. So is, of longer images, what panels reflect but not here, and of one plane that is
+  /// no such panel all that it does not reflect here if its edges are left out (DiffractionBudget::near_boundary_only).  What no panel
+  /// reflects passes round it.  Null: that energy is lost.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
                      std::vector<Arrival>* scattered) const;
   /// The same, with a ray of its own for the line of sight.
@@ -62,7 +63,7 @@ class EarlyCandidates {
 
  private:
   static constexpr int kMaxOrder = PlaneSequence::kMaxOrder;
-  static constexpr std::size_t kMostPanels = 16, kMostPanelPaths = 6;
+  static constexpr std::size_t kMostPanels = 16, kMostQuickPanels = 6, kMostPanelPaths = 6;
   using Sequence = PlaneSequence;
   /// Mirrors the source in all sequences and notes their last planes.
   void find_images(const AcousticScene& scene);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "sim/acoustics/geometry/exact_plane.h"
+#include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/paths/panel_reflection.h"
 #include "sim/acoustics/paths/path_level.h"
@@ -110,7 +111,7 @@ void EarlyCandidates::find_panels(const AcousticScene& scene) {
     seen.emplace_back(-shapes[i].area_m2() * height_m / (away_m * away_m * away_m), i);
   }
   std::sort(seen.begin(), seen.end());
-  seen.resize(std::min(seen.size(), kMostPanels));
+  seen.resize(std::min(seen.size(), DiffractionBudget(scene.config()).quick ? kMostQuickPanels : kMostPanels));
   for (const auto& [angle, index] : seen) panels_.push_back(index);
 }
 
