@@ -101,7 +101,9 @@ CorpusInputs::CorpusInputs(std::vector<InputFile> files, const std::filesystem::
   std::size_t number = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {
     if (checked_[i].reason.empty() || ++number > kMostNamed) continue;
-    named += (named.empty() ? "" : " | ") + checked_[i].reason;
+    std::string reason = checked_[i].reason;
+    if (reason.starts_with(files_[i].name)) reason.replace(0, files_[i].name.size(), files_[i].path.string());
+    named += (named.empty() ? "" : " | ") + reason;
   }
   if (number > kMostNamed) named += fmt::format(" | {} more", number - kMostNamed);
   throw InputError(fmt::format("{} bad input file{}", number, number == 1 ? "" : "s"), named,

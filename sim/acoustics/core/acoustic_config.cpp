@@ -55,22 +55,28 @@ AcousticConfig acoustic_preset(std::string_view name) {
 
 namespace {
 
+/// Whether a key is read and recorded: those that came after the first benchmarks only where they are given or differ from the default, so
+/// that a hash of what agents sense does not depend on a key that no one uses.
+bool is_told(ConfigReader& reader, const std::string& key, bool differs) { return differs || reader.asks_for(key); }
+
 void read_parts(ConfigReader& reader, AcousticConfig& config) {
   reader.read_choice("direct", config.direct, kSwitches, "Direct sound. auto: the effect plan decides.");
   reader.read_choice("early", config.early, kSwitches, "Early specular reflections, from image paths. auto: the effect plan decides.");
   reader.read_choice("late", config.late, kSwitches, "Late sound, from traced rays or a source field. auto: the effect plan decides.");
   reader.read_choice("diffraction", config.diffraction, kSwitches, "Diffraction around edges. auto: the effect plan decides.");
   reader.read_choice("transmission", config.transmission, kSwitches, "Transmission through walls. auto: the effect plan decides.");
-  reader.read_choice("wall_power", config.wall_power, kSwitches,
-                     "Rise of late sound where a source or a listener is near walls (Waterhouse 1955). auto: in bands that it changes by "
-                     "more than 0.1 dB.");
+  if (is_told(reader, "wall_power", config.wall_power != Switch::automatic))
+    reader.read_choice("wall_power", config.wall_power, kSwitches,
+                       "Rise of late sound where a source or a listener is near walls (Waterhouse 1955). auto: in bands that it changes by "
+                       "more than 0.1 dB.");
   reader.read_choice("air_absorption", config.air_absorption, kSwitches, "Absorption in air (ISO 9613-1). auto: the effect plan decides.");
 }
 
 void read_early(ConfigReader& reader, AcousticConfig& config) {
-  reader.read("direct_rays", config.direct_rays, Allowed::between(0, 4096),
-              "Points of a source with a radius whose sight from the listener decides its direct sound. 0 or 1: its centre alone. No "
-              "effect on point sources.");
+  if (is_told(reader, "direct_rays", config.direct_rays != AcousticConfig{}.direct_rays))
+    reader.read("direct_rays", config.direct_rays, Allowed::between(0, 4096),
+                "Points of a source with a radius whose sight from the listener decides its direct sound. 0 or 1: its centre alone. No "
+                "effect on point sources.");
   reader.read("early_order", config.early_order, Allowed::between(0, 4).because("the number of image paths grows exponentially with it"),
               "Largest number of specular reflections of an image path.");
   reader.read("early_candidate_rays", config.early_candidate_rays, Allowed::between(0, 10'000'000),
@@ -143,8 +149,7 @@ void read(ConfigReader& reader, AcousticConfig& config) {
   read_field(reader, config);
   reader.read("bands", config.bands, Allowed::between(1, kMaxBands).or_value(0),
               "Number of logarithmically spaced frequency bands. 0: octaves from 125 Hz to 16 kHz, up to half the sample rate.");
-  // Recorded only where it is on: a hash of a config does not depend on what is off.
-  if (config.low_octave || reader.asks_for("low_octave"))
+  if (is_told(reader, "low_octave", config.low_octave))
     reader.read("low_octave", config.low_octave,
                 "Adds an octave at 63 Hz; only with bands 0. Without it sound below 89 Hz is that of 125 Hz.");
   reader.read("sample_rate_hz", config.sample_rate_hz, Allowed::between(8000, 96000), "Sample rate of responses and sounds.");

@@ -50,9 +50,10 @@ double octave_factor(double centre_hz, const std::array<double, 3>& h, double r)
   return sum;
 }
 
-// 0.1 dB: the same rays with the factor and without; bands that it changes by less are left alone.  0.5 dB in the samples, by octave
-// filters that overlap.
+// 0.1 dB: the same rays with the factor and without; bands that it changes by less are left alone.  In the samples both have noise of their
+// own, 1 to 3 dB for an octave of 0.3 s: their mean, of 30 values, within three standard errors of about 0.4 dB.
 TEST_F(WallPowerCli, LateSoundRisesNearWallsEdgesAndCorners) {
+  double sum_db = 0, squares = 0, count = 0;
   for (std::uint32_t number = 0; number < 10; ++number) {
     const RandomStream random(38, Purpose::test, number);
     std::array<double, 3> h{7, 6.5, 6};
@@ -71,9 +72,13 @@ TEST_F(WallPowerCli, LateSoundRisesNearWallsEdgesAndCorners) {
         return with[from]["g_db"][band].get<double>() - without[from]["g_db"][band].get<double>();
       };
       EXPECT_NEAR(rise("energy"), expected_db, 0.1) << number << ", " << hz;
-      EXPECT_NEAR(rise("rir"), expected_db, 0.5) << number << ", " << hz;
+      const double off_db = rise("rir") - expected_db;
+      sum_db += off_db, squares += off_db * off_db, ++count;
     }
   }
+  const double standard_error_db = std::sqrt(squares) / count;
+  EXPECT_LT(standard_error_db, 0.6);
+  EXPECT_LT(std::abs(sum_db / count), 3 * standard_error_db);
 }
 
 }  // namespace
