@@ -57,6 +57,8 @@ std::string config_lines(const ConvolveConfig& config, const ResponseIndex& inde
   add("noise", sounds.noise ? "folder " + hex64(sounds.noise->hash()) : config.noise.empty() ? "none" : config.noise);
   add("seed", config.seed);
   add("signals", signals);
+  add("rt60_s", config.wished.rt60_s.empty() ? "all" : range(config.wished.rt60_s));
+  add("drr_db", config.wished.drr_db.empty() ? "all" : range(config.wished.drr_db));
   add("talkers", fmt::format("[{}, {}]", config.min_talkers, config.max_talkers));
   add("talker_db", range(config.talker_db));
   add("snr_db", range(config.snr_db));
@@ -201,6 +203,12 @@ void validate(const ConvolveConfig& config) {
   validate_range(config.talker_db, "--talker-level", -60, 60);
   validate_range(config.snr_db, "--snr", -60, 120);
   validate_range(config.level_dbfs, "--level", -100, 0);
+  const auto validate_wished = [](const std::vector<float>& wished, const std::string& key, float low, float high) {
+    const bool ok = wished.empty() || (wished.size() == 2 && wished[0] >= low && wished[1] <= high && wished[0] < wished[1]);
+    require(ok, key, listed(wished, ","), fmt::format("must be LOW,HIGH in [{}, {}] with LOW < HIGH", low, high));
+  };
+  validate_wished(config.wished.rt60_s, "--rt60", 0, 100);
+  validate_wished(config.wished.drr_db, "--drr", -100, 100);
   const int per_folder = config.signals_per_folder;
   require(per_folder >= 1 && per_folder <= 100'000 && (per_folder <= kSignalsPerPart || per_folder % kSignalsPerPart == 0),
           "--signals-per-folder", per_folder, "must be in [1, 10], or a multiple of 10 up to 100000");
@@ -210,6 +218,8 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
   validate(config);
   validate(run);
   const ResponseIndex index(config.corpus);
+  std::optional<WishedResponses> wished;
+  if (!config.wished.is_empty()) wished.emplace(index, config.wished);
   require_outside(run.out, config.speech, "--speech");
   SoundFolder speech = SoundFolder::list(config.speech);
   std::optional<SoundFolder> noise;
@@ -250,7 +260,7 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
       {.items = [&](std::size_t part) { return end_of(part) - part * per_part; },
        .make_worker =
            [&] {
-             auto maker = std::make_shared<MixtureMaker>(config, index, sounds.speech, sounds.noise_folder());
+             auto maker = std::make_shared<MixtureMaker>(config, index, sounds.speech, sounds.noise_folder(), wished ? &*wished : nullptr);
              return [&, maker](CorpusPiece piece, CorpusPieceWriter& writer, const std::function<void()>& count_item) {
                SignalWriter signal_writer(config, index, sounds.transcripts, writer);
                for (std::uint64_t number = piece.part * per_part; number < end_of(piece.part); ++number) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "datasets/corpus_parts.h"
+#include "datasets/inputs/wished_responses.h"
 #include "sim/audio/dry_sounds/sound_file.h"
 
 namespace earshot {
@@ -19,6 +20,7 @@ struct ConvolveConfig {
   std::uint64_t seed = 0;                          ///< of all that is drawn
   std::uint64_t count = 0;                         ///< signals; 0: one per speech file.  Speech files come in turn
   int min_talkers = 1, max_talkers = 1;            ///< of different sources of a room, and different files where there are as many
+  WishedRanges wished;                             ///< of the response of the first talker, whose room and place the others share
   std::vector<float> talker_db = {-5, 5};          ///< of further talkers over the first one
   std::vector<float> snr_db = {5, 25};             ///< all talkers over the noise
   std::vector<float> level_dbfs = {-30, -20};      ///< root of the mean square of the whole, over channels and time

@@ -2,6 +2,7 @@
 #include "datasets/response_index.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -23,6 +24,9 @@ constexpr std::size_t kMaxRooms = 100'000'000;
 constexpr double kMaxDistanceM = 1e6, kLongestDelayS = 3600;
 constexpr float kHighestRateHz = 1e6f;
 
+/// Not a number for null.
+double number_of(const Json& json) { return json.is_null() ? std::numeric_limits<double>::quiet_NaN() : json.get<double>(); }
+
 IndexedResponse parse_line(std::string_view line) {
   const Json json = parse_ordered_json(line);
   IndexedResponse response{.id = json.at("id").get<std::string>(),
@@ -34,6 +38,8 @@ IndexedResponse parse_line(std::string_view line) {
                            .distance_m = json.at("distance_m").get<double>(),
                            .direct_delay_s = json.at("direct_delay_s").get<double>(),
                            .gain = json.at("gain").get<double>(),
+                           .t20_mid_s = number_of(json.at("t20_mid_s")),
+                           .drr_db = number_of(json.at("drr_db")),
                            .labels = {}};
   if (json.contains("early_file") && json.at("early_file").is_string()) response.early_file = json.at("early_file").get<std::string>();
   Json listener = json.at("listener");

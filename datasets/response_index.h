@@ -20,7 +20,8 @@ struct IndexedResponse {
   int source = 0;
   std::string place;  ///< of the listener: equal texts are one place and orientation
   double distance_m = 0, direct_delay_s = 0, gain = 1;
-  std::string labels;  ///< JSON: further properties of the signal, such as directions
+  double t20_mid_s = 0, drr_db = 0;  ///< not a number where the manifest has null
+  std::string labels;                ///< JSON: further properties of the signal, such as directions
 };
 
 /// The responses of a complete corpus.  Immutable, safe from any thread.

@@ -77,7 +77,8 @@ std::vector<std::size_t> free_responses(const ResponseIndex& index, std::size_t 
 std::vector<std::size_t> MixtureMaker::draw_responses(std::uint64_t number, std::size_t count) const {
   const RandomStream first = stream_of(config_, number, 0);
   const std::vector<IndexedResponse>& all = index_.responses();
-  std::vector<std::size_t> drawn{first.below(static_cast<std::uint32_t>(all.size()), MixtureDraw::response)};
+  std::vector<std::size_t> drawn{wished_ ? wished_->draw(first.uniform(MixtureDraw::response))
+                                         : first.below(static_cast<std::uint32_t>(all.size()), MixtureDraw::response)};
   std::set<int> taken{all[drawn[0]].source};
   while (drawn.size() < count) {
     const std::vector<std::size_t> among = free_responses(index_, drawn[0], taken);

@@ -51,8 +51,10 @@ struct Mixture {
 class MixtureMaker {
  public:
   /// All must outlive this.  noise: null if config.noise is not a folder.
-  MixtureMaker(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise)
-      : config_(config), index_(index), speech_(speech), noise_(noise) {}
+  /// wished: null to draw all responses equally often.
+  MixtureMaker(const ConvolveConfig& config, const ResponseIndex& index, const SoundFolder& speech, const SoundFolder* noise,
+               const WishedResponses* wished)
+      : config_(config), index_(index), speech_(speech), noise_(noise), wished_(wished) {}
   /// Throws InputError: a file that cannot be read, or that is silent, also through its response.
   Mixture mix(std::uint64_t number);
 
@@ -80,6 +82,7 @@ class MixtureMaker {
   const ResponseIndex& index_;
   const SoundFolder& speech_;
   const SoundFolder* noise_;
+  const WishedResponses* wished_;
   FirConvolver convolver_, direct_convolver_;
 };
 

@@ -16,7 +16,7 @@ namespace {
 struct DatasetConvolveArguments {
   ConvolveConfig config;
   CorpusTarget target;
-  std::string talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav";
+  std::string talkers = "1", talker_level = "-5,5", snr = "5,25", level = "-30,-20", format = "wav", rt60, drr;
 };
 
 void run_dataset_convolve(const DatasetConvolveArguments& options) {
@@ -27,6 +27,8 @@ void run_dataset_convolve(const DatasetConvolveArguments& options) {
   config.max_talkers = static_cast<int>(talkers[1]);
   require(static_cast<float>(config.min_talkers) == talkers[0] && static_cast<float>(config.max_talkers) == talkers[1], "--talkers",
           options.talkers, "must be whole numbers");
+  if (!options.rt60.empty()) config.wished.rt60_s = parse_range(options.rt60, "--rt60");
+  if (!options.drr.empty()) config.wished.drr_db = parse_range(options.drr, "--drr");
   config.talker_db = parse_range(options.talker_level, "--talker-level");
   config.snr_db = parse_range(options.snr, "--snr");
   config.level_dbfs = parse_range(options.level, "--level");
@@ -64,6 +66,10 @@ void add_dataset_convolve(CLI::App& dataset) {
   add_out_option(*command, options->target);
   command->add_option("--count", config.count, "Number of signals; speech files are used in turn; 0: one signal per speech file")
       ->capture_default_str();
+  command->add_option("--rt60", options->rt60,
+                      "LOW,HIGH in s: draw the response of the first talker so that its reverberation time (t20_mid_s) is uniform in this "
+                      "range, in tenths of it (default: as in the corpus)");
+  command->add_option("--drr", options->drr, "LOW,HIGH in dB: the same for the direct-to-reverberant ratio (drr_db)");
   command->add_option("--talkers", options->talkers, "N or LOW,HIGH: number of talkers, each at a different source of the room")
       ->capture_default_str();
   command
