@@ -132,7 +132,7 @@ def scenes() -> dict[str, Place]:
         "coupled rooms, small hole": doors((8.5, 1.5, 1.2), 0.2, 0.06, (2.5, 2.8, 0.5)),
         "open air": Place("high", {}, (0, 1.5, 0), (6, 1.5, 4), spec="ground_and_wall"),
         "tube": shoebox("lambert", (20, 1, 1), [0.1] * 6, 1, (1.5, 0.5, 0.5), (16, 0.6, 0.45)),
-        "tiny box": shoebox("lambert", (1.2, 0.8, 1.0), [0.15] * 6, 1, (0.3, 0.3, 0.3), (0.8, 0.5, 0.7)),
+        "tiny box": shoebox("lambert", (1.2, 0.8, 1.0), [0.15] * 6, 1, (0.3, 0.3, 0.3), (0.8, 0.5, 0.7), 0.6),
         "flat hall": shoebox("lambert", (30, 2.6, 30), [0.15] * 6, 1, (5, 1.4, 6), (22, 1.5, 21), 4.0),
         "dead room": shoebox("lambert", (6, 3, 5), [0.75] * 6, 1, (1.4, 1.5, 1.2), (4.4, 1.6, 3.6), 1.0),
         "live room": shoebox("lambert", (6, 3, 5), [0.05] * 6, 1, (1.4, 1.5, 1.2), (4.4, 1.6, 3.6), 4.0),
@@ -247,15 +247,37 @@ class LambertTracer:
             fraction = np.where(hit, fraction * self.tau[number], fraction)
         return fraction
 
+    def shortest_m(self, step_m: float = 0.02) -> float:
+        """Length of the shortest way with one reflection, on a grid, where nothing comes straight.  Raises ValueError without one."""
+        source, listener, shortest = np.array(self.place.source), np.array(self.place.listener), math.inf
+        for sheet in self.place.sheets:
+            ends = zip(sheet.low, sheet.high, strict=True)
+            steps = [np.linspace(low, high, math.ceil((high - low) / step_m) + 2)[1:-1] for low, high in ends]
+            u, v = (grid.ravel() for grid in np.meshgrid(*steps))
+            points = np.full((len(u), 3), float(sheet.place))
+            points[:, sheet.others[0]], points[:, sheet.others[1]] = u, v
+            length_m = np.linalg.norm(points - source, axis=1) + np.linalg.norm(points - listener, axis=1)
+            sides = np.sign([source[sheet.axis] - sheet.place, listener[sheet.axis] - sheet.place])
+            if sides[0] != sides[1]:
+                continue
+            points[:, sheet.axis] += 1e-5 * sides[0]
+            points, length_m = points[length_m < shortest], length_m[length_m < shortest]
+            both = self.passed(points, np.tile(source, (len(points), 1))) * self.passed(points, np.tile(listener, (len(points), 1)))
+            if (both > 0).any():
+                shortest = float(length_m[both > 0].min())
+        if not math.isfinite(shortest):
+            raise ValueError("no way with one reflection from the source to the listener")
+        return shortest
+
     def draw(self, seed: int) -> tuple[np.ndarray, float]:
         """One estimate of the response."""
         place, random = self.place, np.random.default_rng(seed)
         source, listener = np.array(place.source), np.array(place.listener)
         straight_m = math.dist(place.source, place.listener)
         direct = float(self.passed(listener[None], source[None])[0]) / (4 * math.pi * straight_m) ** 2
-        zero_s = straight_m / SPEED if direct > 0 else None
-        energy = np.zeros(round((place.length_s + straight_m / SPEED + 0.3) / BIN_S))
-        reach = len(energy) * BIN_S * SPEED
+        zero_m = straight_m if direct > 0 else self.shortest_m()  # time zero is the first sound, one for all draws
+        energy = np.zeros(round(place.length_s / BIN_S))
+        reach = zero_m + len(energy) * BIN_S * SPEED
         count = self.RAYS * (1 if self.tau.any() else 4)
         cosine, angle = random.uniform(-1, 1, count), random.uniform(0, 2 * math.pi, count)
         sine = np.sqrt(1 - cosine**2)
@@ -280,7 +302,7 @@ class LambertTracer:
             height = (to_source * normal).sum(1) / np.sqrt(far2)
             seen = np.where(height > 0, self.passed(point + 1e-5 * normal, np.tile(source, (len(point), 1))), 0.0)
             brought = weight * keep * np.maximum(height, 0) * seen / (4 * math.pi**2 * far2)
-            arrived = (path + np.sqrt(far2)) / SPEED / BIN_S
+            arrived = np.maximum(path + np.sqrt(far2) - zero_m, 0) / SPEED / BIN_S
             inside = (arrived < len(energy)) & (brought > 0)
             energy += np.bincount(arrived[inside].astype(int), brought[inside], len(energy))
             # What goes through: before the first crossing always followed, by one ray in ten, after it by chance.
@@ -298,9 +320,7 @@ class LambertTracer:
             path, weight = np.concatenate([path[stays], path[through]]), np.concatenate([stay_weight[stays], pass_weight[through]])
             crossed = np.concatenate([crossed[stays], np.ones(int(through.sum()), bool)])
             direction = np.concatenate([up[stays], direction[through]])
-        # Time zero is the first sound; what comes straight through a sheet is no direct sound.
-        first = int(zero_s / BIN_S) if zero_s is not None else int(np.flatnonzero(energy > 0)[0])
-        energy = energy[first : first + round(place.length_s / BIN_S)]
+        # What comes straight through a sheet is no direct sound.
         if direct < 0.999 / (4 * math.pi * straight_m) ** 2:
             energy[0] += direct
             direct = 0.0
