@@ -20,10 +20,10 @@
 #include "apps/options/print_warning.h"
 #include "apps/options/source_options.h"
 #include "apps/sound/echogram_svg.h"
+#include "apps/sound/late_edges_option.h"
 #include "apps/sound/rir_json.h"
 #include "datasets/rir_corpus_response.h"
 #include "sim/acoustics/metrics/response_series.h"
-#include "sim/acoustics/response/late_edges.h"
 #include "sim/acoustics/response/place_check.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
@@ -154,7 +154,7 @@ class PairRenderer {
     const RoomMetrics energy = measure(planned, response, request);
     print(file, rir, response, energy, render_ms);
     LateEdges edges;
-    if (options_.late_edges) print(edges = late_edges(planned, candidates.sound_source(), listener), energy);
+    if (options_.late_edges) print_late_edges(edges = late_edges(planned, candidates.sound_source(), listener), energy.bands_hz);
     for (const std::string& warning : warnings_of(planned, candidates.source(), listener, response)) {
       print_warning(warning);
       warnings.push_back(warning);
@@ -184,10 +184,7 @@ class PairRenderer {
                  {"effects", effects_json(response, planned.config())},
                  {"warnings", warnings},
                  {"seed", planned.config().seed}});
-    if (options_.late_edges) {
-      OrderedJson& change_db = json["late_edges_db"] = OrderedJson::array();
-      for (const double db : edges.change_db()) change_db.push_back(number_or_null(std::isfinite(db) ? std::optional(db) : std::nullopt));
-    }
+    if (options_.late_edges) add_late_edges(edges, json);
     return json;
   }
 
@@ -237,13 +234,6 @@ class PairRenderer {
       fmt::print("  {:>6.0f} Hz  RT60 {}  DRR {}\n", energy.bands_hz[b],
                  energy.bands[b].rt60_s ? fmt::format("{:.3f} s", *energy.bands[b].rt60_s) : "-",
                  energy.bands[b].drr_db ? fmt::format("{:.2f} dB", *energy.bands[b].drr_db) : "-");
-  }
-
-  static void print(const LateEdges& edges, const RoomMetrics& energy) {
-    const std::vector<double> change_db = edges.change_db();
-    for (std::size_t b = 0; b < change_db.size() && b < energy.bands_hz.size(); ++b)
-      fmt::print("  {:>6.0f} Hz  late sound round edges: at most {}\n", energy.bands_hz[b],
-                 std::isfinite(change_db[b]) ? fmt::format("{:.2f} dB more", change_db[b]) : "all there is");
   }
 
   const RirArguments& options_;
@@ -304,6 +294,7 @@ void run_rir(const RirArguments& options) {
     throw InputError("--heading", fmt::format("is given {} times for {} listeners", options.heading_deg.size(), options.listeners.size()),
                      "give it once for all or once per listener");
   const AcousticConfig config = config_of(options);
+  if (options.late_edges) check_late_edges(config);
   const std::optional<AccuracyTarget> target = options.acoustics.accuracy_target();
   std::vector<glm::dvec3> listeners, source_points;
   std::vector<SoundSource> sources;

@@ -34,8 +34,8 @@ class EnergyHistogram {
   void add(float time_s, std::span<const float> energy, std::span<const float> sh);
   void add(const EnergyHistogram& other);  ///< same shape
   void add_dropped(double energy) { dropped_energy_ += energy; }
-  void scale(float factor);
-  void scale(std::span<const float> factor);  ///< per band: the first num_bands
+  void scale(float factor);                   ///< dropped_energy() too
+  void scale(std::span<const float> factor);  ///< per band: the first num_bands.  Not dropped_energy(), whose bands are not known
   /// Multiplies each bin by exp(-m_b c t): exact for air, as path length is c t (docs/explanation/effect_bounds.md, section 2).
   void attenuate(std::span<const float> energy_per_m, float speed_of_sound_m_per_s);
   void clear();  ///< keeps the shape

@@ -95,17 +95,19 @@ std::vector<BandMetrics> errors_of_batches(const std::vector<BandErrors>& batche
   return errors;
 }
 
-/// Correlations of the ears of a response.
-std::vector<BandMetrics> correlations(const Rir& ears, double delay_s) { return measure_interaural(ears, {.direct_delay_s = delay_s}); }
+/// Correlations of the ears of a response, in the octaves of `config`.
+std::vector<BandMetrics> correlations(const AcousticConfig& config, const Rir& ears, double delay_s) {
+  return measure_interaural(ears, {.direct_delay_s = delay_s, .low_octave = config.low_octave});
+}
 
 /// Errors of IACC: of the mean of repeated traces, in quadrature with the spread of one set of carriers.
-std::vector<BandMetrics> interaural_errors(const EnergyResponse& response, double delay_s, const RenderEars& render_ears,
-                                           const BandDraws& traced, double factor) {
+std::vector<BandMetrics> interaural_errors(const AcousticConfig& config, const EnergyResponse& response, double delay_s,
+                                           const RenderEars& render_ears, const BandDraws& traced, double factor) {
   BandDraws carried;
   Rir ears;
   for (std::uint64_t carriers = 1; carriers <= kRepetitions; ++carriers) {
     render_ears(response, carriers, ears);
-    carried.push_back(correlations(ears, delay_s));
+    carried.push_back(correlations(config, ears, delay_s));
   }
   std::vector<BandMetrics> errors(carried[0].size());
   for (std::size_t band = 0; band < errors.size(); ++band)
@@ -143,7 +145,7 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
     if (!with_ears) return;
     Rir ears;
     render_ears(of_part, 0, ears);
-    traced.push_back(correlations(ears, delay_s));
+    traced.push_back(correlations(acoustics.config(), ears, delay_s));
   });
   std::vector<BandMetrics> better;
   if (!has_batches)
@@ -167,7 +169,7 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
     for (const RequestedMetricKey& entry : kRequestedMetricKeys)
       if (request.*entry.group) set(entry.value);
   }
-  if (with_ears) errors.ears = interaural_errors(response, delay_s, render_ears, traced, factor);
+  if (with_ears) errors.ears = interaural_errors(acoustics.config(), response, delay_s, render_ears, traced, factor);
   return errors;
 }
 

@@ -1,19 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/acoustics/model/acoustic_surfaces.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <mutex>
 #include <utility>
 
 #include "sim/acoustics/model/lobe_shares.h"
 #include "sim/acoustics/model/solid_bodies.h"
 #include "sim/acoustics/model/specular_lobe.h"
 #include "sim/base/denormals.h"
+#include "sim/base/errors.h"
 #include "sim/base/memory_bytes.h"
 #include "sim/scene/materials/wall_impedance.h"
 
 namespace earshot {
+namespace {
+
+/// A lobe of the ladder: a constant of 50 ms, made at its first use and shared by all surfaces of the process.  Safe from any thread.
+std::shared_ptr<const SpecularLobe> lobe_of_ladder(std::size_t i) {
+  static std::array<std::once_flag, kLobeLadder> made;
+  static std::array<std::shared_ptr<const SpecularLobe>, kLobeLadder> lobes;
+  std::call_once(made[i], [&] { lobes[i] = std::make_shared<const SpecularLobe>(kLadderExponents[i]); });
+  return lobes[i];
+}
+
+}  // namespace
 
 AcousticSurfaces::AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config)
     : scene_(std::move(scene)), config_(config) {
@@ -86,13 +102,18 @@ void AcousticSurfaces::make_lobes() {
     for (const float s : scattering(slot)) {
       const LobeShares shares = shares_of_scattering(s);
       for (std::size_t i = 0; i < kLobeLadder; ++i)
-        if (shares.lobe[i] > 0.f && !specular_lobes_[i]) specular_lobes_[i] = std::make_shared<const SpecularLobe>(kLadderExponents[i]);
+        if (shares.lobe[i] > 0.f && !specular_lobes_[i]) specular_lobes_[i] = lobe_of_ladder(i);
     }
 }
 
 void AcousticSurfaces::set_impedances() {
   const std::vector<Material>& materials = scene_->materials();
-  if (std::ranges::none_of(materials, &Material::locally_reacting)) return;
+  const auto reacting = std::ranges::find_if(materials, &Material::locally_reacting);
+  if (reacting == materials.end()) return;
+  if (config_.specular_exponent != 0.f)
+    throw InputError("specular_exponent",
+                     fmt::format("its lobes know no angle of incidence, but material '{}' has angle: locally_reacting", reacting->name),
+                     "set specular_exponent=0, or angle: random");
   const auto bands = static_cast<std::size_t>(num_bands());
   impedance_.assign(materials.size() * bands, 0.0);
   kept_.assign(materials.size() * bands, 1.0);

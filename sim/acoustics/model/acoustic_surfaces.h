@@ -37,7 +37,7 @@ struct FoundGeometry {
 /// shared by all threads; holds the scene alive.
 class AcousticSurfaces {
  public:
-  /// Throws InputError if `config` breaks a rule (validate).
+  /// Throws InputError if `config` breaks a rule (validate), or has lobes where a material reacts locally.
   AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config);
   /// The same with what found() of other surfaces of this scene and configuration gave.
   AcousticSurfaces(std::shared_ptr<const Scene> scene, const AcousticConfig& config, FoundGeometry known);

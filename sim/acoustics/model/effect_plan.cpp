@@ -382,9 +382,11 @@ class Planner {
     } else if (config_.wall_power == Switch::on) {
       add("wall_power", true, "on", {rise_db, "dB", BoundKind::user_set}, 0, "late sound, at a source or a listener in a rigid corner");
     } else {
-      add("wall_power", true, "near walls", {rise_db, "dB", BoundKind::bounded}, 0,
-          fmt::format("late sound, at a source or a listener in a rigid corner; walls further off than {:.1f} m play no part",
-                      surfaces_.speed_of_sound_m_per_s() / surfaces_.bands().centre_hz.front()));
+      // No bound: sharper edges have more (wall_power.h).
+      add("wall_power", true, "near walls", {rise_db, "dB", BoundKind::approximated}, 0,
+          fmt::format(
+              "late sound, at a source or a listener in a rigid corner of right angles; walls further off than {:.1f} m play no part",
+              surfaces_.speed_of_sound_m_per_s() / surfaces_.bands().centre_hz.front()));
     }
   }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "sim/acoustics/core/boundary_weight.h"
 #include "sim/acoustics/geometry/exact_plane.h"
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/effect_plan.h"
@@ -39,12 +40,6 @@ double sine_integral(double x) {
   const double g = (((y + 42.242855) * y + 302.757865) * y + 352.018498) * y + 21.821899;
   const double g_under = (((y + 48.196927) * y + 482.485984) * y + 1114.978885) * y + 449.690326;
   return 0.5 * std::numbers::pi - f / (x * f_under) * std::cos(x) - g / (y * g_under) * std::sin(x);
-}
-
-/// 1 up to an eighth of a wave, 0 from a quarter on: as image paths share a fold between one mirror and its planes.
-double one_mirror(double waves) {
-  const double x = 8.0 * waves - 1.0;
-  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(std::numbers::pi * x);
 }
 
 /// How much a plane of this area counts.
@@ -208,7 +203,9 @@ void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls)
       double weight = size_weight(double{wall.plane->area_m2}, wavenumber_[band]) * 2.0 *
                       std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
       if (shared) {
-        const double fold_share = one_mirror(2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi));
+        // One mirror up to an eighth of a wave, none from a quarter on: as image paths share a fold between it and its planes.
+        const double waves = 2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi);
+        const double fold_share = boundary_weight(2.0 * waves);
         weight *= is_fold ? fold_share : 1.0 - fold_share;
       }
       wall.weight[band] = weight;

@@ -33,6 +33,16 @@ bool look_across(const AcousticScene& scene, glm::dvec3 from, glm::dvec3 directi
   return true;
 }
 
+/// Has a plane a triangle that reflects by the angle?  [planes]
+std::vector<bool> planes_that_react_locally(const AcousticScene& scene) {
+  std::vector<bool> reacts(scene.planes().size(), false);
+  if (!scene.surfaces().any_reacts_locally()) return reacts;
+  const std::span<const std::uint32_t> plane_of_triangle = scene.plane_of_triangle();
+  for (std::size_t t = 0; t < plane_of_triangle.size(); ++t)
+    if (scene.surfaces().reacts_locally(scene.scene().mesh().triangle_material[t])) reacts[plane_of_triangle[t]] = true;
+  return reacts;
+}
+
 }  // namespace
 
 /// Paths of one pair and one sequence of side planes at one listener.
@@ -105,13 +115,15 @@ class FacingPlanes::Family {
 
 FacingPlanes::FacingPlanes(const AcousticScene& scene, const SoundSource& source) : source_(source), emission_(source, scene.bands()) {
   least_bounces_ = static_cast<std::uint16_t>(scene.image_order() + 1);
-  // Without image paths mirrors are the tracers' alone; the images of a row have angles of their own.
-  if (scene.image_order() > 0 && !scene.surfaces().any_reacts_locally()) find_pairs(scene);
+  // Without image paths mirrors are the tracers' alone.
+  if (scene.image_order() > 0) find_pairs(scene);
 }
 
 void FacingPlanes::find_pairs(const AcousticScene& scene) {
   const EmbreeScene& rays = scene.scene().rays();
   const DiffuseDecay decay(scene, source_.position);
+  // Every image of a row meets such a plane at an angle of its own, and a family has one factor for all: the tracers have these paths.
+  const std::vector<bool> by_angle = planes_that_react_locally(scene);
   std::vector<glm::dvec3> axes;
   const std::span<const MirrorPlane> planes = scene.planes();
   for (std::size_t i = 0; i < std::min(planes.size(), FacingPlanes::kMaxPlanes) && pairs_.size() < kMaxPairs; ++i) {
@@ -126,7 +138,7 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     if (!ahead.valid() || !behind.valid()) continue;
     Pair pair;
     pair.plane = {scene.plane_of_triangle()[behind.triangle], scene.plane_of_triangle()[ahead.triangle]};
-    if (pair.plane[0] == pair.plane[1]) continue;
+    if (pair.plane[0] == pair.plane[1] || by_angle[pair.plane[0]] || by_angle[pair.plane[1]]) continue;
     const ExactPlane near(planes[pair.plane[0]]), far(planes[pair.plane[1]]);
     if (glm::length(glm::cross(near.normal, plane.normal)) > FacingPlanes::kParallelSine ||
         glm::length(glm::cross(far.normal, plane.normal)) > FacingPlanes::kParallelSine)
@@ -137,16 +149,16 @@ void FacingPlanes::find_pairs(const AcousticScene& scene) {
     pair.gap_m = std::abs(near.height(source)) + std::abs(far.height(source));
     const auto& material = scene.scene().mesh().triangle_material;
     if (!decay.exceeded_by(material[behind.triangle], material[ahead.triangle], pair.gap_m)) continue;
-    find_sides(scene, pair);
+    find_sides(scene, by_angle, pair);
     pairs_.push_back(std::move(pair));
   }
 }
 
-void FacingPlanes::find_sides(const AcousticScene& scene, Pair& pair) const {
+void FacingPlanes::find_sides(const AcousticScene& scene, const std::vector<bool>& by_angle, Pair& pair) const {
   const std::span<const MirrorPlane> planes = scene.planes();
   pair.role.assign(planes.size(), kNone);
   for (std::uint32_t p = 0; p < planes.size() && pair.side.size() < kMaxSidePlanes; ++p) {
-    if (std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > FacingPlanes::kParallelSine) continue;
+    if (by_angle[p] || std::abs(glm::dot(ExactPlane(planes[p]).normal, pair.axis)) > FacingPlanes::kParallelSine) continue;
     pair.side.push_back(p);
     pair.role[p] = kSide;
   }

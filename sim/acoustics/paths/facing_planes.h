@@ -25,7 +25,7 @@ namespace earshot {
 /// planes; then add_late() carries it, and every estimator of the late field leaves it out by carries().  With fewer bounces on each pair
 /// it is an image path (EarlyCandidates) or the estimator's.  Only pairs that the source stands between, and whose flutter stands out of a
 /// diffuse decay by a decibel where that has fallen by 35 dB, the end of T30, are kept; empty() in ordinary rooms and where a bounce
-/// costs more than 40 % of the energy.
+/// costs more than 40 % of the energy.  Planes with a triangle that reflects by the angle are in no pair and no side plane.
 class FacingPlanes {
  public:
   static constexpr std::size_t kMaxPairs = 3;
@@ -90,7 +90,7 @@ class FacingPlanes {
   };
   class Family;
   void find_pairs(const AcousticScene& scene);
-  void find_sides(const AcousticScene& scene, Pair& pair) const;
+  void find_sides(const AcousticScene& scene, const std::vector<bool>& by_angle, Pair& pair) const;
   void add_families(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, Sequence& sides, int num_sides,
                     EnergyHistogram& histogram) const;
   void add_family(const AcousticScene& scene, const Pair& pair, glm::dvec3 listener, std::span<const std::uint32_t> sides,

@@ -65,7 +65,8 @@ struct Beam {
 struct BeamMirror {
   ExactPlane plane;
   ConvexPolygon polygon;
-  std::array<double, kMaxBands> specular;  ///< energy fraction
+  std::array<double, kMaxBands> specular;  ///< energy fraction, the largest over all angles
+  std::uint32_t material;
 };
 
 /// The beams of one source, strongest first.
@@ -83,12 +84,14 @@ class BeamQueue {
   /// Reflects the beam of `image` behind `from` (null: of the source itself) in plane p, as a child of `node`.
   void reflect(const Beam* from, std::uint32_t node, glm::dvec3 image, std::uint32_t p) {
     Beam beam{};
-    const double strongest = set_kept_energy(from, p, beam);
+    double strongest = set_kept_energy(from, p, beam);
     if (strongest < kSpentChain || waiting_.size() >= kMaxWaiting) return;
     const ExactPlane& plane = mirrors_[p].plane;
     if (std::abs(plane.height(image)) < 1e-6 * scene_.diagonal_m()) return;
     clip_aperture(from, image, p, beam);
     if (beam.aperture.empty()) return;
+    if (scene_.surfaces().reacts_locally(mirrors_[p].material)) strongest = limit_by_angle(from, image, p, beam);
+    if (strongest < kSpentChain) return;
     const double length_m = glm::length(middle_of(beam.aperture) - image);
     if (std::abs(plane.height(image)) > double{scene_.max_path_m()} || !(length_m > 0)) return;
     beam.strength = strongest / (length_m * length_m);
@@ -108,6 +111,22 @@ class BeamQueue {
     for (int b = 0; b < scene_.num_bands(); ++b) {
       const auto i = static_cast<std::size_t>(b);
       beam.kept[i] = (from ? from->kept[i] : 1.0) * mirrors_[p].specular[i];
+      strongest = std::max(strongest, beam.kept[i]);
+    }
+    return strongest;
+  }
+  /// The same with the largest reflection over the angles at which the aperture is lit.  |R|^2 falls from grazing incidence to one minimum
+  /// and rises again (wall_impedance.h): the largest is at the most oblique angle, that of a corner of the aperture, or at normal
+  /// incidence.
+  double limit_by_angle(const Beam* from, glm::dvec3 image, std::uint32_t p, Beam& beam) const {
+    double furthest_m = 0;
+    for (const glm::dvec3 corner : beam.aperture) furthest_m = std::max(furthest_m, glm::length(corner - image));
+    const double least_cosine = std::min(std::abs(mirrors_[p].plane.height(image)) / furthest_m, 1.0);
+    double strongest = 0;
+    for (int b = 0; b < scene_.num_bands(); ++b) {
+      const auto i = static_cast<std::size_t>(b);
+      beam.kept[i] = (from ? from->kept[i] : 1.0) * std::max(specular_fraction(scene_, mirrors_[p].material, b, least_cosine),
+                                                             specular_fraction(scene_, mirrors_[p].material, b, 1.0));
       strongest = std::max(strongest, beam.kept[i]);
     }
     return strongest;
@@ -145,9 +164,9 @@ void MirrorChains::grow(const AcousticScene& scene, const FacingPlanes& facing, 
   for (std::size_t p = 0; p < num_planes; ++p) {
     const ExactPlane plane(scene.planes()[p]);
     mirrors_.push_back({plane, scene.planes()[p]});
-    BeamMirror& mirror = beam_mirrors.emplace_back(BeamMirror{plane, polygons[p], {}});
+    BeamMirror& mirror = beam_mirrors.emplace_back(BeamMirror{plane, polygons[p], {}, scene.planes()[p].material});
     for (int b = 0; b < scene.num_bands(); ++b)
-      mirror.specular[static_cast<std::size_t>(b)] = specular_fraction(scene, mirrors_[p].rounded.material, b);
+      mirror.specular[static_cast<std::size_t>(b)] = largest_specular_fraction(scene, mirrors_[p].rounded.material, b);
   }
 
   BeamQueue beams(scene, facing, beam_mirrors);

@@ -38,7 +38,7 @@ DiffuseDecay::DiffuseDecay(const AcousticScene& scene, glm::vec3 source)
 bool DiffuseDecay::exceeded_by(std::uint32_t first, std::uint32_t second, double gap_m) const {
   const double volume_m3 = box_volume_m3(scene_.scene().bounds());
   for (int band = 0; band < scene_.num_bands(); ++band) {
-    const double reflected = std::sqrt(specular_fraction(scene_, first, band) * specular_fraction(scene_, second, band));
+    const double reflected = std::sqrt(specular_fraction(scene_, first, band, 1.0) * specular_fraction(scene_, second, band, 1.0));
     if (!(reflected > kMinReflected)) continue;
     const double diffuse_per_m = loss_per_m_[static_cast<std::size_t>(band)], chain_per_m = -std::log(reflected) / gap_m;
     const double furthest_m =

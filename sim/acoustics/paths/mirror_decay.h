@@ -23,6 +23,11 @@ inline double specular_fraction(const AcousticScene& scene, std::uint32_t materi
          (1.0 - scene.scattering(material)[static_cast<std::size_t>(band)]);
 }
 
+/// The largest at any angle: of a locally reacting surface that at grazing incidence.
+inline double largest_specular_fraction(const AcousticScene& scene, std::uint32_t material, int band) {
+  return specular_fraction(scene, material, band, 0.0);
+}
+
 /// The decay of the diffuse field about a source, with which long chains of mirrors are compared.
 class DiffuseDecay {
  public:
@@ -30,8 +35,9 @@ class DiffuseDecay {
   DiffuseDecay(const AcousticScene& scene, glm::vec3 source);
 
   /// Do reflections between two materials `gap_m` apart stand out by a decibel where the diffuse field has fallen by 35 dB, the end of T30?
-  /// At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per metre, R the mean specular reflectance, and the diffuse field
-  /// exp(-k r) / (4 pi V).  Never where a bounce costs more than 40 % of the energy: there are a few images and no flutter.
+  /// At a path length r the images bring 2 / d R^(r/d) / (4 pi r)^2 per metre, R the mean specular reflectance (of surfaces that reflect by
+  /// the angle: at normal incidence), and the diffuse field exp(-k r) / (4 pi V).  Never where a bounce costs more than 40 % of the energy:
+  /// there are a few images and no flutter.
   [[nodiscard]] bool exceeded_by(std::uint32_t first, std::uint32_t second, double gap_m) const;
 
  private:

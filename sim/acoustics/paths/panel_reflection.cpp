@@ -27,11 +27,6 @@ double detour(const PanelEdge& edge, glm::dvec3 a, glm::dvec3 b, double straight
 
 }  // namespace
 
-double boundary_weight(double waves) {
-  const double x = 4.0 * waves - 1.0;
-  return x <= 0 ? 1.0 : x >= 1 ? 0.0 : 0.5 + 0.5 * std::cos(std::numbers::pi * x);
-}
-
 PanelReflection::PanelReflection(std::span<const PanelEdge> edges, glm::dvec3 image, glm::dvec3 listener, glm::dvec3 at,
                                  double longest_wave_m) {
   detour_m_.fill(kEndless);

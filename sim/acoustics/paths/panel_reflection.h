@@ -5,6 +5,7 @@
 #include <glm/vec3.hpp>
 #include <span>
 
+#include "sim/acoustics/core/boundary_weight.h"
 #include "sim/acoustics/geometry/panel_edges.h"
 #include "sim/acoustics/model/panel_shapes.h"
 #include "sim/acoustics/paths/band_lanes.h"
@@ -98,8 +99,5 @@ double small_panel_gain(const PanelShape& panel, double wavenumber, double cosin
 /// Fraction of the energy that falls on a panel that it reflects, to all sides together: Parseval's sum of Kirchhoff's waves that are not
 /// evanescent, times small_panel_gain(), at most 1.  The rest passes round it.
 double reflected_fraction(const PanelShape& panel, double wavenumber, double cosine);
-
-/// Weight of what an edge does to a path that is shorter by `waves` wavelengths: 1 to a quarter, 0 from a half on.
-double boundary_weight(double waves);
 
 }  // namespace earshot

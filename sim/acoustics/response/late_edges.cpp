@@ -121,9 +121,10 @@ LateEdges late_edges(const AcousticScene& scene, const SoundSource& source, glm:
     // Both sides estimate the same late energy; with a directional source only the first does.
     const double both =
         emission.omnidirectional() ? 0.5 * (to_listener.straight()[band] + to_source.straight()[band]) : to_listener.straight()[band];
-    const double at_source = emission.omnidirectional() ? to_source.round_edges()[band]
-                                                        : to_source.round_edges()[band] * to_listener.straight()[band] /
-                                                              std::max(to_source.straight()[band], 1e-300);
+    double at_source = to_source.round_edges()[band];
+    if (!emission.omnidirectional() && at_source > 0)
+      at_source = to_source.straight()[band] > 0 ? at_source / to_source.straight()[band] * to_listener.straight()[band]
+                                                 : std::numeric_limits<double>::infinity();
     const double round_edges = to_listener.round_edges()[band] + at_source;
     result.fraction[band] = round_edges > 0 ? (both > 0 ? round_edges / both : std::numeric_limits<double>::infinity()) : 0.0;
   }

@@ -140,10 +140,6 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
   if (frame_ == 0) {
     compute_energy_response(scene, candidates, listener, response);
     weight_ = 1;
-    if (const auto level = level_db(response.late)) {
-      level_db_ = *level;
-      levels_ = 1;
-    }
   } else {
     const AcousticConfig& config = scene.config();
     seeded_ = scene.with_rays(config.rays, config.seed + frame_ * kSeedStep);
@@ -168,10 +164,15 @@ void TemporalReuse::compute(const AcousticScene& scene, const EarlyCandidates& c
     response.batches.clear();
   }
   past_ = response.late;
-  if (frame_ == 0)
+  if (frame_ == 0) {
     take_out(response.wall_gain, past_);
-  else if (response.wall_gain.any)
+    if (const auto level = level_db(past_)) {
+      level_db_ = *level;
+      levels_ = 1;
+    }
+  } else if (response.wall_gain.any) {
     response.late.scale(response.wall_gain.energy);
+  }
   before_ = place;
   ++frame_;
   past_variance_ = (1 - weight_) * (1 - weight_) * past_variance_ + weight_ * weight_;

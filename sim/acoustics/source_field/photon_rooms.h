@@ -37,13 +37,14 @@ class PhotonRooms {
       : trace_(trace), grid_(grid), source_room_(source_room), photons_(photons), peak_(grid.num_rooms() + 1, 0.0), groups_(peak_.size()) {
     peak_[index_of(source_room)] = photons;
     const std::uint32_t behind = grid.num_rooms() > 1 ? grid.num_rooms() - 1 : 1;
+    for (std::uint32_t room = 0; room < grid.num_rooms(); ++room) all_rooms_ |= bit_of(room);
     photons_behind_ = std::clamp(kPhotonsBehind / behind, kLeastBehind, photons);
   }
 
   /// If the wall at which the photon waits leads to a room where it has not been, parts it and keeps the half that goes through.  Returns
   /// whether it did: the photon then stays in its room.
   bool part(Photon& photon, std::uint32_t material) {
-    if (entered_.size() >= kMostEntered || photon.room == FieldGrid::no_room) return false;
+    if (entered_.size() >= kMostEntered || photon.room == FieldGrid::no_room || (photon.visited & all_rooms_) == all_rooms_) return false;
     const std::uint32_t room = room_beyond(photon);
     if (room == FieldGrid::no_room || room == photon.room || (photon.visited & bit_of(room)) != 0) return false;
     Photon through = listener_ray::part_at_wall<W>(trace_, photon, material);
@@ -95,6 +96,7 @@ class PhotonRooms {
   [[nodiscard]] std::uint32_t room_beyond(const Photon& photon) {
     const WallCrossing crossing = cross_wall(trace_.scene.surfaces(), photon.direction, photon.hit);
     const Hit hit = trace_.scene.scene().rays().intersect(crossing.exit, photon.direction);
+    if (!hit.valid()) return FieldGrid::no_room;  // into the open, as through outer walls: by chance
     crossings_.clear();
     grid_.cross(crossing.exit, photon.direction, std::min(hit.distance_m, trace_.max_path_m), crossings_);
     for (const FieldGrid::Crossing& part : crossings_)
@@ -105,6 +107,7 @@ class PhotonRooms {
   const listener_ray::Trace& trace_;
   const FieldGrid& grid_;
   std::uint32_t source_room_, photons_, photons_behind_ = 0;
+  std::uint64_t all_rooms_ = 0;              ///< bits of every room: a photon that has them all is in no need of a way
   std::vector<double> peak_;                 ///< [rooms, and one for all other air] largest energy so far of the loudest band
   std::vector<std::vector<Photon>> groups_;  ///< of the same
   std::vector<Photon> entered_;

@@ -252,6 +252,9 @@ void leave_vertex(const BidirectionalScene& shared, ListenerRay<W>& ray, const s
   if (ray.only_mirrors) {
     const float *kept = shared.model.kept(material), *mirror = shared.model.mirror(material);
     for (int b = 0; b < W; ++b) ray.image[b] *= kept[b] * mirror[b];
+    if (shared.scene.surfaces().reacts_locally(material))
+      shared.scene.surfaces().scale_by_angle(material, double{std::abs(glm::dot(in, normal))},
+                                             std::span(ray.image).first(static_cast<std::size_t>(shared.scene.num_bands())));
     const std::uint32_t plane = shared.scene.plane_of_triangle()[ray.hit.triangle];
     if (ray.num_planes < ListenerRay<W>::kMaxImageOrder) ray.planes[ray.num_planes++] = plane;
     if (shared.candidates.long_chains()) shared.candidates.long_chains()->extend(ray.long_chain, plane);

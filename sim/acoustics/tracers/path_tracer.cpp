@@ -66,6 +66,7 @@ template <int W>
 class RaysBehindWalls {
  public:
   static constexpr std::uint32_t kSlots = 0x80000000u;  ///< their random numbers are those of slots from here on
+  static constexpr std::uint32_t kMost = 8;             ///< times the rays of the chunk; all others go by chance
 
   RaysBehindWalls(const Trace& trace, std::size_t count)
       : trace_(trace), count_(count), on_(trace.walls != nullptr && has_rooms_behind_walls(trace.scene.plan())) {}
@@ -94,7 +95,6 @@ class RaysBehindWalls {
   }
 
  private:
-  static constexpr std::size_t kMost = 8;  ///< times the rays of the chunk; all others go by chance
   const Trace& trace_;
   std::size_t count_;
   bool on_;
@@ -133,7 +133,7 @@ void trace_chunk(const Trace& trace, std::uint32_t chunk, ListenerPaths* paths, 
       follow(rays[i], first + i, [&](std::uint32_t material) { return behind.part(rays[i], material); });
     // Those that went through in this stage are among them; their slots are those of chunks of kMost times as many rays.
     for (std::uint32_t i = 0; i < behind.rays().size(); ++i)
-      follow(behind.rays()[i], RaysBehindWalls<W>::kSlots + 8 * first + i, [](std::uint32_t) { return false; });
+      follow(behind.rays()[i], RaysBehindWalls<W>::kSlots + RaysBehindWalls<W>::kMost * first + i, [](std::uint32_t) { return false; });
     if (!any_alive) break;
     stats.nonfinite_dropped += static_cast<std::uint64_t>(
         control_population<W>(trace.scene.num_bands(), rays, RandomStream(seed, Purpose::roulette, chunk, stage).uniform(0)));

@@ -26,6 +26,25 @@ inline constexpr float kStageOfDiagonal = 0.5f;
 /// T30 error, 1e-2 has up to twice the error.
 inline constexpr double kTaperBelow = 1e-3;
 
+/// Weight of each ray: the mean over bands of its fraction of band_sum, that of all; 0 of rays that have ended.
+template <int W, class Ray>
+void weigh_rays(int num_bands, std::span<const Ray> rays, const std::array<double, W>& band_sum, std::span<double> weight) {
+  std::array<double, W> per_band_sum;
+  for (int b = 0; b < W; ++b) per_band_sum[b] = band_sum[b] > 0 ? 1.0 / (band_sum[b] * num_bands) : 0.0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    weight[i] = 0;
+    if (!rays[i].alive) continue;
+    for (int b = 0; b < W; ++b) weight[i] += rays[i].reflected[b] * per_band_sum[b];
+  }
+}
+
+/// The energy of a ray that stands for what was lost with others; `split`, if it has one, takes the same factor.
+template <int W, class Ray>
+void scale_ray(Ray& ray, float factor) {
+  for (int b = 0; b < W; ++b) ray.reflected[b] *= factor;
+  if constexpr (requires { ray.split; }) ray.split *= factor;
+}
+
 /// Ends light rays and splits heavy ones if their weights have become too uneven, or if the energy is so far down that fewer will do.  A
 /// ray's weight is the mean over bands of its fraction of the band, so that bands that decay faster keep their rays too.
 /// Ray: has bool alive and float reflected[W], its energy per band; float split, if it has one, takes the same factors.  At most
@@ -44,29 +63,19 @@ int control_population(int num_bands, std::span<Ray> rays, double random, double
     }
     for (int b = 0; b < W; ++b) band_sum[b] += ray.reflected[b];
   }
-  std::array<double, W> per_band_sum;
-  double loudest = 0;
-  for (int b = 0; b < W; ++b) {
-    per_band_sum[b] = band_sum[b] > 0 ? 1.0 / (band_sum[b] * num_bands) : 0.0;
-    loudest = std::max(loudest, band_sum[b]);
-  }
+  const double loudest = *std::max_element(band_sum.begin(), band_sum.end());
   if (!(loudest > 0)) {
     for (Ray& ray : rays) ray.alive = false;
     return nonfinite;
   }
   std::array<double, kRaysPerChunk> weight;
-  int alive = 0;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    weight[i] = 0;
-    if (!rays[i].alive) continue;
-    ++alive;
-    for (int b = 0; b < W; ++b) weight[i] += rays[i].reflected[b] * per_band_sum[b];
-  }
+  weigh_rays<W, Ray>(num_bands, rays, band_sum, weight);
+  const auto alive = std::count_if(rays.begin(), rays.end(), [](const Ray& ray) { return ray.alive; });
   const auto started = static_cast<double>(rays.size());
   const double level = loudest / started;
   const int target = std::max(1, static_cast<int>(std::ceil(started * std::min(1.0, level / taper_below))));
   const auto weights = std::span<const double>(weight).first(rays.size());
-  if (effective_sample_size(weights) >= uneven_fraction * target && alive <= 1.25 * target) return nonfinite;
+  if (effective_sample_size(weights) >= uneven_fraction * target && static_cast<double>(alive) <= 1.25 * target) return nonfinite;
 
   std::array<int, kRaysPerChunk> copies;
   systematic_resample(weights, target, random, std::span(copies).first(rays.size()));
@@ -79,9 +88,7 @@ int control_population(int num_bands, std::span<Ray> rays, double random, double
       rays[i].alive = false;
       continue;
     }
-    const auto factor = static_cast<float>(total / (target * weight[i]));
-    for (int b = 0; b < W; ++b) rays[i].reflected[b] *= factor;
-    if constexpr (requires { rays[i].split; }) rays[i].split *= factor;
+    scale_ray<W>(rays[i], static_cast<float>(total / (target * weight[i])));
   }
   for (std::size_t i = 0; i < rays.size(); ++i) {
     for (; copies[i] > 1 && weight[i] > 0; --copies[i]) {
@@ -105,13 +112,10 @@ void control_group(int num_bands, std::vector<Ray>& group, double full, double& 
   if (!(loudest > 0)) return group.clear();
   peak = std::max(peak, loudest);
   const int target = std::max(1, static_cast<int>(std::ceil(full * std::min(1.0, loudest / (peak * taper_below)))));
-  std::vector<double> weights(group.size(), 0.0);
+  std::vector<double> weights(group.size());
+  weigh_rays<W, Ray>(num_bands, group, band_sum, weights);
   double total = 0;
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    for (int b = 0; b < W; ++b)
-      if (band_sum[b] > 0) weights[i] += group[i].reflected[b] / (band_sum[b] * num_bands);
-    total += weights[i];
-  }
+  for (const double w : weights) total += w;
   if (effective_sample_size(weights) >= uneven_fraction * target && static_cast<double>(group.size()) <= 1.25 * target) return;
   std::vector<int> copies(group.size());
   systematic_resample(weights, target, random, copies);
@@ -120,8 +124,7 @@ void control_group(int num_bands, std::vector<Ray>& group, double full, double& 
   for (std::size_t i = 0; i < group.size(); ++i) {
     if (copies[i] == 0) continue;
     Ray copy = group[i];
-    const auto factor = static_cast<float>(total / (target * weights[i]));
-    for (int b = 0; b < W; ++b) copy.reflected[b] *= factor;
+    scale_ray<W>(copy, static_cast<float>(total / (target * weights[i])));
     kept.insert(kept.end(), static_cast<std::size_t>(copies[i]), copy);
   }
   group = std::move(kept);

@@ -39,9 +39,9 @@ std::vector<ConfigKey> declare_all() {
       declare_required("materials[]", KeyType::section, Allowed::any(), "List of materials, with entries of these keys."),
       declare_required(entry + "name", KeyType::text, Allowed::any(), "Name, which no other material has."),
       declare(entry + "labels", KeyType::texts, Allowed::text("a label"), "Names of mesh materials or categories that it stands for."),
-      declare_required(
-          entry + "absorption", KeyType::numbers, fraction,
-          "Absorption coefficient, transmitted energy included: [Hz, value, Hz, value, ...]. Absent where impedance is given."),
+      declare(entry + "absorption", KeyType::numbers, fraction,
+              "Absorption coefficient, transmitted energy included: [Hz, value, Hz, value, ...]. Required unless impedance is given, from "
+              "which it then follows."),
       declare_required(entry + "scattering", KeyType::numbers, fraction,
                        "Fraction of the reflected energy that leaves diffusely: [Hz, value, ...]."),
       declare(entry + "transmission", KeyType::numbers, fraction,

@@ -61,5 +61,16 @@ TEST_F(LocallyReactingCli, AnAbsorptionBesideAnImpedanceIsRefused) {
   EXPECT_THAT(outcome.errors, testing::HasSubstr("follows from the impedance"));
 }
 
+TEST_F(LocallyReactingCli, LobesAreRefusedInOneLine) {
+  write_floor(R"("absorption": [500, 0.3], "angle": "locally_reacting")");
+  for (const char* exponent : {"1", "20", "from_scattering"}) {
+    const CliOutcome outcome = earshot(fmt::format("rir {} --source 0,1,0 --listener 3,1,0 --set specular_exponent={} --out {}",
+                                                   file("scene.yaml"), exponent, file("r.wav")));
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.errors, testing::HasSubstr("specular_exponent"));
+    EXPECT_THAT(outcome.errors, testing::HasSubstr("angle: locally_reacting"));
+  }
+}
+
 }  // namespace
 }  // namespace earshot

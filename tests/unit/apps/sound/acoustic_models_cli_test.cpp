@@ -115,5 +115,12 @@ TEST_F(LobeCli, LateSoundRoundEdgesIsBoundOnRequest) {
               testing::Not(testing::HasSubstr("late sound")));
 }
 
+TEST_F(LobeCli, LateEdgesWithoutEdgesOrLateSoundAreRefused) {
+  for (const char* setting : {"diffraction=off", "late=off"})
+    expect_bad_input(std::string("rir house:7 --source 2,1.5,2 --listener 10,1.5,5 --preset fast --late-edges --set ") + setting +
+                         " --out " + file("x.wav"),
+                     setting);
+}
+
 }  // namespace
 }  // namespace earshot

@@ -89,5 +89,16 @@ TEST_F(RirMetricsCli, MicrophonesAreMeasuredByName) {
   EXPECT_FALSE(harmonics.contains("microphones"));
 }
 
+// Errors of IACC stand beside its values, with an octave at 63 Hz too.
+TEST_F(RirMetricsCli, ErrorsOfIaccHaveTheOctavesOfIacc) {
+  for (const char* low : {"false", "true"}) {
+    const nlohmann::json json = metrics(std::string("shoebox:5x4x3@0.3 --preset fast --source 1.2,1.5,1.1 --listener 3.8,1.6,2.3 "
+                                                    "--parameters interaural --set rir_length_s=0.2 low_octave=") +
+                                        low);
+    for (const char* key : {"iacc", "iacc_early", "iacc_late"})
+      EXPECT_EQ(json["standard_error"][key].size(), json["rir"][key].size()) << low << " " << key;
+  }
+}
+
 }  // namespace
 }  // namespace earshot

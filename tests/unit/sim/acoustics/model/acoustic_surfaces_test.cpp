@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 
 #include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/model/lobe_shares.h"
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 #include "tests/support/acoustics/effect_scenes.h"
 
 namespace earshot {
@@ -63,6 +66,47 @@ TEST(AcousticSurfaces, RefuseABrokenConfig) {
   AcousticConfig config;
   config.early_order = 5;
   EXPECT_THROW(AcousticSurfaces(rooms::shoe1(0.2, 0.5), config), InputError);
+}
+
+// Lobes have no angle of incidence: whatever the exponent, wherever the material is.
+TEST(AcousticSurfaces, RefuseLobesBesideReflectionByTheAngle) {
+  for (std::uint32_t number = 0; number < 12; ++number) {
+    const RandomStream random(511, Purpose::test, number);
+    std::array<Material, 6> walls = rooms::uniform_walls(0.3, 0.2);
+    walls[number % 6].locally_reacting = true;
+    walls[number % 6].name = "panel";
+    const auto room = rooms::box(5, 4, 3, walls);
+    AcousticConfig config;
+    config.specular_exponent = number < 3 ? kExponentFromScattering : 1.f + 900.f * random.uniform(0);
+    try {
+      const AcousticSurfaces surfaces(room, config);
+      ADD_FAILURE() << config.specular_exponent;
+    } catch (const InputError& error) {
+      const std::string text = error.what();
+      for (const char* part : {"specular_exponent", "angle: locally_reacting", "panel"})
+        EXPECT_NE(text.find(part), std::string::npos) << text;
+    }
+    config.specular_exponent = 0;
+    EXPECT_TRUE(AcousticSurfaces(room, config).any_reacts_locally());
+  }
+}
+
+// A lobe of the ladder is a constant: every scene and configuration has the same one.
+TEST(AcousticSurfaces, ShareTheLobesOfTheLadder) {
+  AcousticConfig config;
+  config.specular_exponent = kExponentFromScattering;
+  int shared = 0;
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const RandomStream random(512, Purpose::test, number);
+    const double scattering = 0.01 + 0.9 * double{random.uniform(0)};
+    const AcousticSurfaces first(rooms::shoe1(0.2, scattering), config), second(rooms::shoe1(0.5, scattering), config);
+    ASSERT_EQ(first.specular_lobes().size(), kLobeLadder);
+    for (std::size_t i = 0; i < kLobeLadder; ++i) {
+      EXPECT_EQ(first.specular_lobes()[i], second.specular_lobes()[i]);
+      shared += first.specular_lobes()[i] != nullptr;
+    }
+  }
+  EXPECT_GE(shared, 10);
 }
 
 }  // namespace

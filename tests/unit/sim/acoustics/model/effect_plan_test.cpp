@@ -376,5 +376,15 @@ TEST(EffectPlan, EveryDecisionSaysWhatItRestsOn) {
   }
 }
 
+// What walls near a pose add has no bound: sharp edges have more than the corner of right angles that the line names.
+TEST(EffectPlan, WallsNearAPoseAreApproximated) {
+  for (int number = 0; number < 10; ++number) {
+    const AcousticScene scene(rooms::box(4 + 0.3 * number, 4, 3, rooms::uniform_walls(0.1 + 0.05 * number, 0.3)), AcousticConfig{});
+    ASSERT_NE(decision(scene, "wall_power"), nullptr);
+    EXPECT_EQ(decision(scene, "wall_power")->kind, BoundKind::approximated);
+    EXPECT_NEAR(decision(scene, "wall_power")->change, 9.03, 0.01);
+  }
+}
+
 }  // namespace
 }  // namespace earshot

@@ -14,6 +14,8 @@
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
+#include "sim/base/random.h"
+#include "sim/scene/materials/wall_impedance.h"
 #include "tests/support/acoustics/decay.h"
 #include "tests/support/acoustics/late_field.h"
 #include "tests/support/acoustics/rooms.h"
@@ -208,6 +210,50 @@ TEST(ConvexPolygon, PartsOfASquare) {
   const ConvexPolygon quarter = lit_part(square, {0, 0, 2}, {{0, 0, 1}, {0.5, 0, 1}, {0.5, 0.5, 1}, {0, 0.5, 1}});
   ASSERT_EQ(quarter.size(), 4u);
   for (const glm::dvec3 vertex : quarter) EXPECT_TRUE(vertex.x >= -1e-12 && vertex.y >= -1e-12);
+}
+
+// Hard walls that react locally reflect more at right angles than at random incidence, where the mean of these would end the search.  Every
+// reflection of every image at its angle, 1e-3: single precision over up to twenty of them, and what is left of longer chains.
+TEST(MirrorChains, ReflectByTheAngle) {
+  for (std::uint32_t number = 0; number < 12; ++number) {
+    const RandomStream random(514, Purpose::test, number);
+    const double impedance = 8.5 + 3.5 * double{random.uniform(0)}, tilt_deg = 1 + 3 * double{random.uniform(1)};
+    const Mirrors mirrors(tilt_deg);
+    Material wall = Material::uniform("wall", static_cast<float>(random_incidence_absorption(impedance)), 0.f);
+    wall.locally_reacting = true;
+    wall.impedance_real = CoefficientCurve::constant(static_cast<float>(impedance));
+    wall.impedance_imaginary = CoefficientCurve::constant(0.f);
+    TriangleMesh mesh = mirrors.scene()->mesh();
+    mesh.material_names.clear();
+    const AcousticScene scene(rooms::scene_of(std::move(mesh), {wall, wall}), mirror_config());
+    const EarlyCandidates candidates(scene, at(kSource));
+    ASSERT_NE(candidates.long_chains(), nullptr) << impedance;
+    EnergyHistogram histogram = make_histogram(scene);
+    candidates.long_chains()->add_late(scene, at(kListener), histogram);
+    double expected = 0;
+    for (int order = 4; order <= 40; ++order)
+      for (const int first : {0, 1}) {
+        std::vector<int> sequence;
+        for (int i = 0; i < order; ++i) sequence.push_back((first + i) % 2);
+        const double length_m = mirrors.path_m(kSource, kListener, sequence);
+        if (!(length_m > 0) || length_m > rooms::kSpeedMPerS) continue;
+        glm::dvec3 image = kSource;
+        for (const int m : sequence) {
+          const Mirrors::Plane& plane = mirrors.planes[static_cast<std::size_t>(m)];
+          image -= 2 * glm::dot(image - plane.point, plane.normal) * plane.normal;
+        }
+        glm::dvec3 direction = glm::normalize(image - kListener);
+        double energy = decay::direct_energy(length_m);
+        for (std::size_t i = sequence.size(); i-- > 0;) {
+          const glm::dvec3 normal = mirrors.planes[static_cast<std::size_t>(sequence[i])].normal;
+          energy *= std::norm(wall_reflection(impedance, std::abs(glm::dot(direction, normal))));
+          direction -= 2 * glm::dot(direction, normal) * normal;
+        }
+        expected += energy;
+      }
+    ASSERT_GT(expected, 0);
+    EXPECT_NEAR(rooms::total_energy(histogram), expected, 1e-3 * expected) << impedance << " " << tilt_deg;
+  }
 }
 
 }  // namespace

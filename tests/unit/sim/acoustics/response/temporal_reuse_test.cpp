@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "sim/base/errors.h"
+#include "sim/base/random.h"
 #include "sim/scene/scene.h"
 
 namespace earshot {
@@ -206,6 +207,35 @@ TEST(TemporalReuse, RulesAreChecked) {
   EXPECT_THROW(TemporalReuse({.max_bias_db = 0.f}), InputError);
   EXPECT_THROW(TemporalReuse({.drift_db_per_m = -1.f}), InputError);
   EXPECT_THROW(TemporalReuse({.max_move_m = std::nanf("")}), InputError);
+}
+
+// What walls near a pose add is taken out of all levels that are compared, the first one too: the weights are those of a scene without it.
+TEST(TemporalReuse, WallsNearThePoseAreNoNoise) {
+  double rise_db = 0;
+  for (int number = 0; number < 10; ++number) {
+    const RandomStream random(516, Purpose::test, static_cast<std::uint32_t>(number));
+    const glm::vec3 source(0.05f + 0.1f * random.uniform(0), 0.05f + 0.1f * random.uniform(1), 0.05f + 0.1f * random.uniform(2));
+    std::vector<std::vector<double>> weights;
+    std::vector<double> first;
+    for (const Switch power : {Switch::off, Switch::on}) {
+      AcousticConfig config = quick_config();
+      config.wall_power = power;
+      const AcousticScene scene(room("shoebox:6x3x4@0.1"), config);
+      TemporalReuse reuse({.max_bias_db = 5.f, .drift_db_per_m = 2.f});  // the noise decides
+      EnergyResponse response;
+      std::vector<double>& of_scene = weights.emplace_back();
+      for (int frame = 0; frame < 9; ++frame) {
+        const glm::vec3 listener = kListener + 0.08f * static_cast<float>(frame) * glm::vec3(0.f, 0.f, -1.f);
+        reuse.compute(scene, EarlyCandidates(scene, source), listener, response);
+        if (frame == 0) first.push_back(total(response.late));
+        of_scene.push_back(reuse.weight());
+      }
+    }
+    rise_db += std::log10(first[1] / first[0]);
+    for (std::size_t frame = 0; frame < weights[0].size(); ++frame)
+      EXPECT_NEAR(weights[1][frame], weights[0][frame], 1e-3) << number << ", frame " << frame;
+  }
+  EXPECT_GT(rise_db, 1);  // 1 dB a place
 }
 
 }  // namespace

@@ -3,7 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <vector>
+
+#include "sim/base/random.h"
 
 namespace earshot {
 namespace {
@@ -39,6 +44,34 @@ TEST(PopulationControl, RouletteWithFixedProbabilitiesKeepsEveryBand) {
     EXPECT_NEAR(first_stays, q, 1.5 / draws);  // stratified draws: within one of them
     EXPECT_NEAR(mean[0], 1e-6, 5e-3 * 1e-6) << q;
     EXPECT_NEAR(mean[1], 1e-8, 5e-3 * 1e-8) << q;
+  }
+}
+
+struct SplitRay : Ray {
+  float split = 1;
+};
+
+// In a group as in a chunk: the factor on a ray's energy is on its split too, and the energy of all stays.
+TEST(PopulationControl, GroupsKeepTheFactorOfSplitting) {
+  for (std::uint32_t number = 0; number < 12; ++number) {
+    const RandomStream random(517, Purpose::test, number);
+    std::vector<SplitRay> group(40);
+    double before = 0;
+    for (std::uint32_t i = 0; i < group.size(); ++i) before += double{group[i].reflected[0] = std::pow(random.uniform(i), 6.f) + 1e-4f};
+    const std::vector<SplitRay> started = group;
+    double peak = 0, after = 0;
+    control_group<8>(1, group, 40, peak, double{random.uniform(99)});
+    bool any_changed = false;
+    for (const SplitRay& ray : group) {
+      after += double{ray.reflected[0]};
+      any_changed = any_changed || ray.split != 1.f;
+      const bool known = std::any_of(started.begin(), started.end(), [&](const SplitRay& from) {
+        return std::abs(ray.reflected[0] - from.reflected[0] * ray.split) < 1e-5f * ray.reflected[0];
+      });
+      EXPECT_TRUE(known) << number;
+    }
+    EXPECT_TRUE(any_changed) << number;
+    EXPECT_NEAR(after, before, 1e-5 * before) << number;
   }
 }
 

@@ -13,6 +13,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
+#include "sim/scene/materials/material_keys.h"
 #include "tests/support/files/test_files.h"
 #include "tests/support/files/test_paths.h"
 
@@ -298,6 +299,12 @@ TEST(BuiltinMaterials, AreTheFileInConfigs) {
     EXPECT_EQ(builtin.all()[i].source, file.all()[i].source) << "the text goes through CMake: ; and @ must survive";
     EXPECT_EQ(builtin.all()[i].absorption.value, file.all()[i].absorption.value);
   }
+}
+
+TEST(MaterialKeys, AbsorptionIsDeclaredAsOptional) {
+  EXPECT_FALSE(material_entry_key("absorption").is_required);  // an impedance stands for it
+  EXPECT_TRUE(material_entry_key("scattering").is_required);
+  EXPECT_NE(material_entry_key("absorption").about.find("unless impedance"), std::string::npos);
 }
 
 }  // namespace
