@@ -19,19 +19,22 @@
 namespace earshot {
 namespace {
 
-constexpr int kOctaves = 7;  // 125 Hz to 8 kHz
+constexpr int kOctaves = 9;      // 63 Hz to 16 kHz
+constexpr int kMainOctaves = 7;  // 125 Hz to 8 kHz, from the second on
 
-// Draws of one key: the choice, then one pair per octave for absorption and scattering, then one per octave for transmission.
-constexpr std::uint32_t kChoiceDraw = 0, kSurfaceDraw = 1, kTransmissionDraw = kSurfaceDraw + kOctaves;
+// Draws of one key: the choice; for the octaves from 125 Hz to 8 kHz one pair each for absorption and scattering, then one each for
+// transmission; the same for those of 63 Hz and 16 kHz.
+constexpr std::uint32_t kChoiceDraw = 0, kSurfaceDraw = 1, kTransmissionDraw = kSurfaceDraw + kMainOctaves,
+                        kOuterSurfaceDraw = kTransmissionDraw + kMainOctaves, kOuterTransmissionDraw = kOuterSurfaceDraw + 2;
 
 /// Half of the width of the step between two octaves, as a fraction of the frequency.
 constexpr double kStep = 1e-5;
 
 /// Of the base-ten octave: its midband, and its edges at -0.5 and 0.5.
-double octave_hz(double octave) { return 1000.0 * std::pow(10.0, 0.3 * (octave - 3)); }
+double octave_hz(double octave) { return 1000.0 * std::pow(10.0, 0.3 * (octave - 4)); }
 
 int octave_of(float hz) {
-  return std::clamp(static_cast<int>(std::floor(std::log10(static_cast<double>(hz) / 1000) / 0.3 + 3.5)), 0, kOctaves - 1);
+  return std::clamp(static_cast<int>(std::floor(std::log10(static_cast<double>(hz) / 1000) / 0.3 + 4.5)), 0, kOctaves - 1);
 }
 
 /// Frequencies of the points of a noisy material: those of its curves, the midbands, and both sides of every edge.
@@ -62,16 +65,19 @@ std::array<OctaveDraws, kOctaves> draw_octaves(const RandomStream& random, const
   const auto asked = static_cast<double>(randomization.noise_correlation);
   const double r = randomization.uniform ? 2 * std::sin(std::numbers::pi * asked / 6) : asked, rest = std::sqrt(std::max(0.0, 1 - r * r));
   std::array<OctaveDraws, kOctaves> draws{};
-  for (int octave = 0; octave < kOctaves; ++octave) {
-    const auto draw = static_cast<std::uint32_t>(octave);
-    const auto [on_absorption, on_scattering] = random.normal2(kSurfaceDraw + draw);
-    OctaveDraws& drawn = draws[static_cast<std::size_t>(octave)];
-    drawn = {static_cast<double>(on_absorption), static_cast<double>(on_scattering),
-             static_cast<double>(random.normal2(kTransmissionDraw + draw)[0])};
-    if (octave == 0) continue;
-    const OctaveDraws& before = draws[static_cast<std::size_t>(octave - 1)];
-    for (std::size_t i = 0; i < 2; ++i) drawn[i] = r * before[i] + rest * drawn[i];
+  for (std::uint32_t octave = 0; octave < kOctaves; ++octave) {
+    const bool is_main = octave >= 1 && octave <= kMainOctaves;
+    const std::uint32_t draw = is_main ? octave - 1 : octave == 0 ? 0 : 1;
+    const auto [on_absorption, on_scattering] = random.normal2((is_main ? kSurfaceDraw : kOuterSurfaceDraw) + draw);
+    const float on_transmission = random.normal2((is_main ? kTransmissionDraw : kOuterTransmissionDraw) + draw)[0];
+    draws[octave] = {static_cast<double>(on_absorption), static_cast<double>(on_scattering), static_cast<double>(on_transmission)};
   }
+  // The chain leads up from 125 Hz, and down from there to 63 Hz: of r to the power of the steps between two octaves in any case.
+  const auto follow = [&](std::size_t octave, std::size_t before) {
+    for (std::size_t i = 0; i < 2; ++i) draws[octave][i] = r * draws[before][i] + rest * draws[octave][i];
+  };
+  for (std::size_t octave = 2; octave < kOctaves; ++octave) follow(octave, octave - 1);
+  follow(0, 1);
   return draws;
 }
 
@@ -161,7 +167,8 @@ Material with_noise(const Material& material, const AcousticRandomization& rando
   const std::array<OctaveDraws, kOctaves> draws = draw_octaves(stream_of(randomization.seed, scene, key), randomization);
   Material noisy = material;
   noisy.absorption = noisy.scattering = noisy.transmission = {};
-  noisy.impedance_real = noisy.impedance_imaginary = {};  // that of the noisy absorption
+  // That of the noisy absorption; a measured one stays where absorption does.
+  if (randomization.uniform || randomization.noise_std > 0) noisy.impedance_real = noisy.impedance_imaginary = {};
   for (const float hz : knots_of(material)) {
     const auto [on_absorption, on_scattering, on_transmission] = draws[static_cast<std::size_t>(octave_of(hz))];
     const float absorption = randomized(material.absorption.at(hz), on_absorption, randomization);
@@ -178,6 +185,11 @@ Material with_noise(const Material& material, const AcousticRandomization& rando
   noisy.sources.clear();
   noisy.source = fmt::format("{}; randomized with seed {}", material.source, randomization.seed);
   return noisy;
+}
+
+std::string_view without_object(std::string_view slot, std::string_view object) {
+  const bool is_split = slot.size() > object.size() && slot.ends_with(object) && slot[slot.size() - object.size() - 1] == '/';
+  return is_split ? slot.substr(0, slot.size() - object.size() - 1) : slot;
 }
 
 std::vector<Material> randomize_materials(std::string_view scene, std::span<const std::string> slot_names,

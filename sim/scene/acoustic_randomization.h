@@ -43,10 +43,11 @@ struct AcousticRandomization {
 /// Reads all fields but the seed.  Throws InputError.
 void read(ConfigReader& reader, AcousticRandomization& randomization);
 
-/// `material` with noise that is constant within each octave from 125 Hz to 8 kHz (base-ten octaves, as bands.h; the outer ones go on
+/// `material` with noise that is constant within each octave from 63 Hz to 16 kHz (base-ten octaves, as bands.h; the outer ones go on
 /// beyond), so that the mean over an octave varies as asked, and steps at their edges within 1e-5 of the frequency.  Absorption and
-/// scattering are clipped to [0, 1]; transmission that was 0 stays 0, and none exceeds the absorption.  `scene` and `key` pick the random
-/// numbers: a pure function of its arguments.
+/// scattering are clipped to [0, 1]; transmission that was 0 stays 0, and none exceeds the absorption.  A measured impedance stays if
+/// noise_std is 0 and uniform is false; else there is none, and one follows from the noisy absorption where it is asked for.  `scene` and
+/// `key` pick the random numbers: a pure function of its arguments.
 Material with_noise(const Material& material, const AcousticRandomization& randomization, std::string_view scene, std::string_view key);
 
 /// One material per slot: where a semantic category applies (Material::category, else that of the slot's name if names are given), a random
@@ -62,6 +63,9 @@ std::vector<Material> randomize_materials(std::string_view scene, std::span<cons
 void randomize_materials(std::string_view scene, TriangleMesh& mesh, std::vector<Material>& materials, ImportReport& report,
                          bool use_slot_names, const SemanticMaterials& semantics, const MaterialDatabase& database,
                          const AcousticRandomization& randomization);
+
+/// The name of a slot before its objects got slots of their own: "SLOT" of "SLOT/OBJECT"; other names are as they are.
+std::string_view without_object(std::string_view slot, std::string_view object);
 
 /// The same scene with randomized materials, for a new episode.  Cost: a copy of the mesh and a new ray structure.
 Scene randomize_materials(const Scene& scene, const SemanticMaterials& semantics, const MaterialDatabase& database,

@@ -9,6 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/text/listed.h"
 #include "sim/base/text/text_match.h"
+#include "sim/scene/acoustic_randomization.h"
 #include "sim/scene/color.h"
 #include "sim/scene/habitat/habitat_looks.h"
 #include "sim/scene/habitat/habitat_scene.h"
@@ -90,7 +91,10 @@ const glm::vec3* color_in_file(const std::map<std::string, glm::vec3>& colors, c
 std::vector<glm::vec3> colors_of(const Scene& scene, const VisualMesh& file) {
   const TriangleMesh& mesh = scene.mesh();
   return per_triangle<glm::vec3>(mesh, [&](std::uint32_t slot, std::uint32_t object) {
-    if (const glm::vec3* color = color_in_file(file.color_of_material, mesh.material_names[slot])) return *color;
+    const std::string& name = mesh.material_names[slot];
+    const glm::vec3* color = color_in_file(file.color_of_material, name);
+    if (!color) color = color_in_file(file.color_of_material, std::string(without_object(name, mesh.object_names[object])));
+    if (color) return *color;
     if (file.varies) return glm::vec3(1);
     const glm::vec3 encoded = palette_color(scene.materials()[slot].name, mesh.object_names[object]);
     return glm::vec3(decode_srgb(encoded.x), decode_srgb(encoded.y), decode_srgb(encoded.z));

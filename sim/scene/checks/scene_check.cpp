@@ -44,6 +44,9 @@ bool is_unnamed(const MaterialChoice& choice, bool has_semantics) {
 /// Of annotated_import.h, which names the area without a category.
 bool is_about_annotations(std::string_view warning) { return warning.find("has no category in") != std::string_view::npos; }
 
+/// Also of one object (acoustic_randomization.h).
+bool is_unlabelled(std::string_view slot) { return slot == kUnlabelled || slot.starts_with(std::string(kUnlabelled) + "/"); }
+
 void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
   const ImportReport& report = scene.import_report();
   if (report.choices.size() != scene.materials().size()) return;
@@ -54,7 +57,7 @@ void warn_of_materials(const Scene& scene, std::vector<std::string>& warnings) {
   for (std::size_t slot = 0; slot < areas.size(); ++slot) {
     all_m2 += areas[slot];
     if (!is_unnamed(report.choices[slot], report.has_semantics)) continue;
-    if (is_annotated && scene.mesh().material_names[slot] == kUnlabelled) continue;
+    if (is_annotated && is_unlabelled(scene.mesh().material_names[slot])) continue;
     area_m2 += areas[slot];
     names.push_back("'" + scene.mesh().material_names[slot] + "'");
     const std::string material = "'" + scene.materials()[slot].name + "'";

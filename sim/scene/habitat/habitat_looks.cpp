@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/scene/habitat/habitat_looks.h"
 
+#include <glm/common.hpp>
 #include <glm/mat4x4.hpp>
 #include <glm/matrix.hpp>
 #include <utility>
@@ -11,14 +12,40 @@
 namespace earshot {
 namespace {
 
+/// Whether each axis of the asset becomes an axis of the scene before it is turned, so that its box becomes a box.
+bool keeps_axes(const Placement& placement) {
+  for (int column = 0; column < 3; ++column) {
+    int parts = 0;
+    for (int row = 0; row < 3; ++row) parts += placement.frame[column][row] != 0;
+    if (parts != 1) return false;
+  }
+  return true;
+}
+
+/// What matrix_of reads of a mesh: two corners of its box, or all vertices where the box would not do.
+TriangleMesh extent_of(const TriangleMesh& mesh, bool as_box) {
+  TriangleMesh extent;
+  extent.origin_m = mesh.origin_m;
+  extent.vertices = mesh.vertices;
+  if (!as_box || mesh.vertices.empty()) return extent;
+  glm::vec3 lower = mesh.vertices[0], upper = lower;
+  for (const glm::vec3 vertex : mesh.vertices) {
+    lower = glm::min(lower, vertex);
+    upper = glm::max(upper, vertex);
+  }
+  extent.vertices = {lower, upper};
+  return extent;
+}
+
 class LooksAssembler {
  public:
   LooksAssembler(glm::dvec3 origin_m, int largest_texture_px) : origin_m_(origin_m), largest_texture_px_(largest_texture_px) {}
 
   void add(const PlacedAsset& asset) {
-    TriangleMesh& box = boxes_[asset.mesh];
-    if (asset.placement.is_centered_on_box && box.vertices.empty()) box = import_mesh(asset.mesh).mesh;
-    const glm::dmat4 to_world = matrix_of(asset.placement, box);
+    const bool as_box = keeps_axes(asset.placement);
+    TriangleMesh& extent = extents_[{asset.mesh, as_box}];
+    if (asset.placement.is_centered_on_box && extent.vertices.empty()) extent = extent_of(import_mesh(asset.mesh).mesh, as_box);
+    const glm::dmat4 to_world = matrix_of(asset.placement, extent);
     const auto [place, is_new] = parts_.try_emplace(asset.mesh);
     Part& part = place->second;
     if (is_new) read(asset, to_world, part);
@@ -62,7 +89,7 @@ class LooksAssembler {
   int largest_texture_px_;
   VisualMesh all_;
   std::map<std::filesystem::path, Part> parts_;
-  std::map<std::filesystem::path, TriangleMesh> boxes_;  ///< of assets that are placed by the middle of their box
+  std::map<std::pair<std::filesystem::path, bool>, TriangleMesh> extents_;  ///< of assets that are placed by the middle of their box
 };
 
 }  // namespace

@@ -11,6 +11,8 @@
 #include <string>
 
 #include "sim/base/errors.h"
+#include "sim/scene/appearance.h"
+#include "sim/scene/checks/scene_check.h"
 #include "tests/support/files/test_files.h"
 
 namespace earshot {
@@ -24,10 +26,10 @@ std::vector<float> values_of(const Material& m) {
   return values;
 }
 
-constexpr int kOctaves = 7;
+constexpr int kOctaves = 9;  // 63 Hz to 16 kHz
 /// Mean over a base-ten octave (IEC 61260-1:2014), which the engine takes for its bands.
 float octave_mean(const CoefficientCurve& curve, int octave) {
-  const auto edge = [&](double offset) { return static_cast<float>(1000 * std::pow(10, 0.3 * (octave - 3 + offset))); };
+  const auto edge = [&](double offset) { return static_cast<float>(1000 * std::pow(10, 0.3 * (octave - 4 + offset))); };
   return curve.band_mean(edge(-0.5), edge(0.5));
 }
 
@@ -76,7 +78,7 @@ TEST(AcousticRandomization, AllValuesArePhysical) {
 // Before clipping: coefficients of 0.5 with a standard deviation of 0.05 are ten of them away from 0 and 1.
 TEST(AcousticRandomization, NoiseIsGaussianOfTheStatedSize) {
   Material middle = Material::uniform("m", 0.5f, 0.5f, 1e-4f);
-  constexpr int keys = 3000, octaves = 7;
+  constexpr int keys = 3000, octaves = kOctaves;
   constexpr double n = keys * octaves;
   for (const CoefficientCurve Material::*curve : {&Material::absorption, &Material::scattering}) {
     double sum = 0, squares = 0, fourth = 0;
@@ -163,7 +165,7 @@ struct ObjectRoom {
 };
 
 // Ten settings; 400 seeds with eight draws each.  The standard errors of a deviation and of a correlation r over n normal numbers are
-// 1 / sqrt(2 n) and (1 - r^2) / sqrt(n); 4.5 of them, since there are 400 comparisons.  Coefficients lie four deviations and more from 0
+// 1 / sqrt(2 n) and (1 - r^2) / sqrt(n); 4.5 of them, since there are 600 comparisons.  Coefficients lie four deviations and more from 0
 // and 1, so that clipping plays no part, and vary within the octaves.
 TEST(AcousticRandomization, OctavesHaveTheDeviationAndCorrelationThatAreAsked) {
   Material middle = Material::uniform("m", 0.5f, 0.5f, 0.f);
@@ -211,6 +213,56 @@ TEST(AcousticRandomization, OctavesHaveTheDeviationAndCorrelationThatAreAsked) {
         EXPECT_NEAR(found.with_second[k], r * r, 4.5 / std::sqrt(n)) << setting << " " << k;
     }
   }
+}
+
+// Noise changes absorption, so that a measured impedance is none of it; without noise both stay.
+TEST(AcousticRandomization, MeasuredImpedanceStaysWithoutNoise) {
+  Material measured = Material::uniform("m", 0.5f, 0.5f, 0.f);
+  measured.impedance_real = {{125, 1000}, {1.5f, 2.f}};
+  measured.impedance_imaginary = {{125, 1000}, {-3.f, -0.5f}};
+  for (int key = 0; key < 10; ++key) {
+    const auto drawn = [&](float noise_std, bool uniform) {
+      return with_noise(measured, {.seed = 3, .uniform = uniform, .noise_std = noise_std}, "scene", std::to_string(key));
+    };
+    EXPECT_EQ(drawn(0, false).impedance_real.value, measured.impedance_real.value);
+    EXPECT_EQ(drawn(0, false).impedance_imaginary.value, measured.impedance_imaginary.value);
+    EXPECT_TRUE(drawn(0.05f, false).impedance_real.hz.empty());
+    EXPECT_TRUE(drawn(0, true).impedance_imaginary.hz.empty());
+  }
+}
+
+// With draws per object the file's colours are found, and the name of what has no category.
+TEST(AcousticRandomization, ObjectsKeepLooksAndChecks) {
+  const TempFolder folder;
+  folder.write("room.mtl", "newmtl red\nKd 1 0.5 0\nnewmtl plain\nKd 0.2 0.2 0.2\n");
+  folder.write("room.obj",
+               "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 3 0 0\no table_3\nusemtl red\nf 1 2 3\no table_4\nf 1 2 4\n"
+               "o thing\nusemtl plain\nf 2 5 3\n");
+  const auto colors_of = [&](const std::string& keys) {
+    const Scene scene = load_scene(folder.write("s.yaml", "mesh: room.obj\nrandomize: {seed: 1" + keys + "}\n"));
+    std::map<std::string, std::array<float, 3>> colors;
+    const auto appearance = load_appearance(scene);
+    for (std::size_t t = 0; t < scene.mesh().triangles.size(); ++t) {
+      const glm::vec3 color = appearance->triangle_color[t];
+      colors[scene.mesh().object_names[scene.mesh().triangle_object[t]]] = {color.x, color.y, color.z};
+    }
+    return colors;
+  };
+  EXPECT_EQ(colors_of(", per: object"), colors_of(""));
+  EXPECT_EQ(colors_of("").size(), 3u);
+  EXPECT_EQ(colors_of("").at("table_3")[2], 0.f);
+
+  TriangleMesh mesh;
+  for (int i = 0; i < 2; ++i)
+    append_box(mesh, glm::vec3(0, 3.f * static_cast<float>(i), 0), glm::vec3(4, 3.f * static_cast<float>(i) + 2, 4),
+               intern(mesh.material_names, i == 0 ? "wall" : "unlabelled"), intern(mesh.object_names, i == 0 ? "wall_1" : "unlabelled_7"));
+  ImportReport report;
+  report.has_semantics = true;
+  report.warnings = {"1 % of the area (12 of 24 triangles) has no category in a.house"};
+  report.choices = {{.has_category = true}, {.reason = MaterialReason::fallback}};
+  const Scene scene("room", std::move(mesh), std::vector<Material>(2, Material::uniform("m", 0.5f, 0.5f, 0.f)), {}, std::move(report));
+  const Scene drawn = randomize_materials(scene, SemanticMaterials::indoor(), MaterialDatabase::builtin(), {.per = RandomizedUnit::object});
+  EXPECT_EQ(scene_warnings(drawn), scene_warnings(scene));
 }
 
 TEST(AcousticRandomization, FullCorrelationIsOneDrawForAllOctaves) {
