@@ -36,8 +36,8 @@ struct Arrival {
   glm::vec3 departure{0};      ///< unit, from the source toward where the sound goes, world axes; -direction for a straight path
   /// Pressure amplitude per band, Green units, >= 0: 1 / (4 pi r) times the roots of all energy fractions, times the source's gain.
   std::array<float, kMaxBands> amplitude{};
-  /// Phase at the band centre beyond that of the delay, convention exp(+j w t).  Diffracted paths, the paths they interfere with, and panel
-  /// reflections have one.
+  /// Phase at the band centre beyond that of the delay, convention exp(+j w t).  Diffracted paths, the paths they interfere with, and
+  /// reflections of panels and of locally reacting walls have one.
   std::array<float, kMaxBands> phase_rad{};
 };
 

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+
 #include "sim/acoustics/core/acoustic_config.h"
 
 namespace earshot {
 
 /// Limits on the cost of diffraction.  `on`: all that the config allows.  `automatic`: in proportion to the rays of the late field, so that
-/// a
-/// preset of few rays stays as fast as it is:
+/// a preset of few rays stays as fast as it is:
 ///  - sequences of edges that are tried per pose: 8 per ray, at most 4096 (fast: 512), grown in half as many expansions as rays;
 ///  - of those, with fewer than 512 rays, one path per ray is worked out, those first that lose least on the way to their last edge;
 ///  - arrivals that are kept: one per 8 rays, at least 4, at most config.diffraction_paths (fast: 8), since each is filtered in synthesis;
@@ -21,6 +22,7 @@ struct DiffractionBudget {
   bool near_boundary_only = false;  ///< in line of sight: of shadow boundaries only
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
   bool reflections = false;         ///< paths with a reflection on either side of their edges (edge_reflections.h)
+  std::size_t panels = 0;           ///< in the air that have waves to every side: 16, or 6 if `quick` (early_reflections.h)
   bool quick = false;  ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
 };
 

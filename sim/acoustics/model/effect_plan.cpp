@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -11,7 +12,6 @@
 #include "sim/acoustics/geometry/diffraction_edges.h"
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/acoustics/model/air_absorption.h"
-#include "sim/acoustics/model/air_points.h"
 #include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/model/effect_probe.h"
 #include "sim/acoustics/model/flutter_time.h"
@@ -107,13 +107,10 @@ class Planner {
 
   /// As many as 2^31 - 1 from the listener alone: not an int.
   [[nodiscard]] double all_rays() const { return double{1} * config_.rays + config_.source_rays; }
-  // cost model, milliseconds on one core
   [[nodiscard]] double segments_per_ray(double length_s) const {
-    if (!(probe_.mean_free_path_m > 0)) return 1;
-    const double in_time = length_s * surfaces_.speed_of_sound_m_per_s() / probe_.mean_free_path_m;
-    return std::min(in_time, 1.0 / std::max(1.0 - probe_.hit_fraction, 1e-9));
+    return probe_.segments_per_ray(length_s * surfaces_.speed_of_sound_m_per_s());
   }
-  /// A segment is a ray and a shadow ray, and as much again for what is done at its end.
+  /// A segment is a ray and a shadow ray, and as much again for what is done at its end.  Milliseconds on one core.
   [[nodiscard]] double trace_ms(double rays, double length_s) const {
     return rays * segments_per_ray(length_s) * 3.0 * probe_.query_us * 1e-3;
   }
@@ -214,37 +211,25 @@ class Planner {
     }
     const DiffractionEdges* edges = surfaces_.diffraction_edges();
     const bool has_edges = edges != nullptr && edges->size() > 0;
-    plan_.diffraction = has_edges && (config_.diffraction == Switch::on || edge_in_sight(*edges));
+    plan_.diffraction = has_edges && (config_.diffraction == Switch::on || edge_in_sight(surfaces_, probe_.points));
     if (!plan_.diffraction) {
       add("diffraction", false, "off", kUnchanged, diffraction_ms(), "no diffracting edge is visible from the air");
       return;
     }
     const DiffractionBudget budget(config_);
     if (budget.near_boundary_only) {
-      // An image has half its pressure where its panel ends (panel_reflection.h); beyond, the edge's wave goes on from that half, and
-      // without it nothing does.  Beside a direct sound as strong and later by d an octave has 1 + 1/4 + mean cos(k d) of its energy
-      // instead of 1: 20 log10(1.5) = 3.5 dB more in phase, and 3.8 dB less where the mean is least (k d = 2.85).
+      // An image has half its pressure where its plane ends (panel_reflection.h); beyond, a wave goes on from that half.  The largest
+      // panels in the air have theirs; of other planes it is the edges', and without it nothing goes on.  Beside a direct sound as strong
+      // and later by d an octave has 1 + 1/4 + mean cos(k d) of its energy instead of 1: 20 log10(1.5) = 3.5 dB more in phase, and 3.8 dB
+      // less where the mean is least (k d = 2.85).
       constexpr double least_mean_cosine = -0.8333;
       add("diffraction", true, "where blocked, or nearly", {-10.0 * std::log10(1.25 + least_mean_cosine), "dB", BoundKind::approximated}, 0,
-          "in the line of sight only at shadow boundaries; reflections end at half their pressure without diffraction at their edges (with "
-          "diffraction: on, or 512 rays)");
+          "in the line of sight only at shadow boundaries; reflections, but for those of the largest panels in the air, end at half "
+          "their pressure without diffraction at their edges (with diffraction: on, or 512 rays)");
     } else {
       add("diffraction", true, "on", {6.0, "dB", config_.diffraction == Switch::on ? BoundKind::user_set : BoundKind::bounded}, 0,
           "6 dB at a shadow boundary, more behind it; in the line of sight only at shadow and reflection boundaries");
     }
-  }
-  /// Is an edge visible from any point of the air, or has the air round it a floor below?  The second finds those in rooms that no point is
-  /// in.  Boxes have edges too, outside.  A bounded search: with so many edges the answer is yes.
-  [[nodiscard]] bool edge_in_sight(const DiffractionEdges& edges) const {
-    constexpr std::size_t max_edges = 100;
-    if (edges.size() > max_edges) return true;
-    for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
-      for (const double part : {0.25, 0.5, 0.75})
-        if (has_height(surfaces_, edges.inset_air_point(edge, part * edges[edge].length_m))) return true;
-      for (const glm::vec3 point : probe_.points)
-        if (edges.visible_from(edge, point)) return true;
-    }
-    return false;
   }
   [[nodiscard]] double diffraction_ms() const { return 0.5 * config_.rays * probe_.query_us * 1e-2; }
 
@@ -421,17 +406,8 @@ EffectPlan plan_effects(const AcousticSurfaces& surfaces) {
 }
 
 const char* name_of(BoundKind kind) {
-  switch (kind) {
-    case BoundKind::exact:
-      return "exact";
-    case BoundKind::bounded:
-      return "bounded";
-    case BoundKind::approximated:
-      return "approximated";
-    case BoundKind::user_set:
-      return "user_set";
-  }
-  return "";
+  constexpr std::array<const char*, 4> names = {"exact", "bounded", "approximated", "user_set"};
+  return names[static_cast<std::size_t>(kind)];
 }
 
 }  // namespace earshot

@@ -387,4 +387,17 @@ EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const doub
   return probe;
 }
 
+bool edge_in_sight(const AcousticSurfaces& surfaces, std::span<const glm::vec3> air_points) {
+  constexpr std::size_t max_edges = 100;
+  const DiffractionEdges& edges = *surfaces.diffraction_edges();
+  if (edges.size() > max_edges) return true;
+  for (std::uint32_t edge = 0; edge < edges.size(); ++edge) {
+    for (const double part : {0.25, 0.5, 0.75})
+      if (has_height(surfaces, edges.inset_air_point(edge, part * edges[edge].length_m))) return true;
+    for (const glm::vec3 point : air_points)
+      if (edges.visible_from(edge, point)) return true;
+  }
+  return false;
+}
+
 }  // namespace earshot

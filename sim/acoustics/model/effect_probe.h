@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <glm/vec3.hpp>
 #include <span>
 #include <vector>
@@ -20,6 +21,11 @@ struct EffectProbe {
   double mean_free_path_m = 0;                   ///< of the segments that hit something
   std::vector<double> absorption, transmission;  ///< [num_bands], mean over hits
   double visible_fraction = 1;                   ///< of the pairs of points: 1 in a convex room, 0.1 to 0.3 in an apartment
+  /// Of rays that end after `length_m` in the mean.
+  [[nodiscard]] double segments_per_ray(double length_m) const {
+    if (!(mean_free_path_m > 0)) return 1;
+    return std::min(length_m / mean_free_path_m, 1.0 / std::max(1.0 - hit_fraction, 1e-9));
+  }
   double query_us = 0;  ///< cost of one ray, a model of the number of triangles (a measurement would not be repeatable)
 
   /// Time in which the energy released at a point falls by kProbedFallDb without any air, [num_bands], the longest over all points,
@@ -40,5 +46,9 @@ struct EffectProbe {
 /// for livelier rooms and 120 short walks from what it finds (a sixth of the whole in a house).
 /// `air_energy_per_m`: [num_bands].
 EffectProbe probe_effects(const AcousticSurfaces& surfaces, std::span<const double> air_energy_per_m, double horizon_s);
+
+/// Is a diffracting edge visible from any of these points of the air, or has the air round it a floor below?  The second finds those in
+/// rooms that no point is in.  Boxes have edges too, outside.  A bounded search: with more than 100 edges the answer is yes.
+bool edge_in_sight(const AcousticSurfaces& surfaces, std::span<const glm::vec3> air_points);
 
 }  // namespace earshot

@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "sim/base/memory_bytes.h"
 
@@ -68,11 +69,12 @@ PanelShapes::PanelShapes(const PanelEdges& edges, std::size_t num_planes, std::s
   }
   begin_[num_planes] = shapes_.size();
   if (shapes_.empty()) return;
-  held_.assign(2 * num_edges, 0);
+  panel_of_face_.assign(2 * num_edges, kNone);
   for (std::uint32_t plane = 0; plane < num_planes; ++plane)
     for (const PanelEdge& side : edges.of(plane)) {
       const glm::dvec3 inside = side.start + 0.5 * side.length_m * side.along - 1e-3 * side.outward;
-      if (find(plane, inside, inside + side.normal) != nullptr) held_[2 * side.edge + (side.is_first_face ? 0 : 1)] = 1;
+      if (const PanelShape* const shape = find(plane, inside, inside + side.normal); shape != nullptr)
+        panel_of_face_[2 * side.edge + (side.is_first_face ? 0 : 1)] = static_cast<std::uint32_t>(shape - shapes_.data());
     }
 }
 
@@ -131,6 +133,21 @@ const PanelShape* PanelShapes::find(std::uint32_t plane, glm::dvec3 point, glm::
   return nullptr;
 }
 
-std::size_t PanelShapes::bytes() const { return bytes_of(shapes_) + bytes_of(begin_) + bytes_of(held_); }
+std::vector<std::uint32_t> PanelShapes::largest_from(glm::dvec3 source, std::size_t most) const {
+  std::vector<std::pair<double, std::uint32_t>> seen;  // by the angle that they fill, about
+  for (std::uint32_t i = 0; i < shapes_.size(); ++i) {
+    if (!shapes_[i].faces(source)) continue;
+    const double height_m = glm::dot(source - shapes_[i].centre, shapes_[i].normal),
+                 away_m = glm::length(source - shapes_[i].nearest(source));
+    seen.emplace_back(-shapes_[i].area_m2() * height_m / (away_m * away_m * away_m), i);
+  }
+  std::sort(seen.begin(), seen.end());
+  seen.resize(std::min(seen.size(), most));
+  std::vector<std::uint32_t> indices;
+  for (const auto& [angle, index] : seen) indices.push_back(index);
+  return indices;
+}
+
+std::size_t PanelShapes::bytes() const { return bytes_of(shapes_) + bytes_of(begin_) + bytes_of(panel_of_face_); }
 
 }  // namespace earshot

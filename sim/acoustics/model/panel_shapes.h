@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
 #include <span>
 #include <vector>
@@ -31,6 +32,8 @@ struct PanelShape {
   [[nodiscard]] glm::dvec3 nearest(glm::dvec3 point) const;
   /// Does a point of its plane lie on the panel?
   [[nodiscard]] bool holds(glm::dvec3 point) const;
+  /// Is a point in front of its plane, by a millimetre at least?
+  [[nodiscard]] bool faces(glm::dvec3 point) const { return glm::dot(point - centre, normal) > 1e-3; }
 };
 
 /// The panels of a scene: planes, or parts of planes, whose free edges close to about a rectangle with a shorter side of kLeastPanelM to
@@ -38,21 +41,27 @@ struct PanelShape {
 /// Immutable.
 class PanelShapes {
  public:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
   /// A few us per panel.
   PanelShapes(const PanelEdges& edges, std::size_t num_planes, std::size_t num_edges);
   [[nodiscard]] std::span<const PanelShape> all() const { return shapes_; }
   /// The panel of a plane that a point of the plane lies on, on the side of `from`; null: none.
   [[nodiscard]] const PanelShape* find(std::uint32_t plane, glm::dvec3 point, glm::dvec3 from) const;
-  /// Does the first or second face of a diffracting edge belong to a panel?
-  [[nodiscard]] bool holds_face(std::uint32_t edge, bool first) const { return !held_.empty() && held_[2 * edge + (first ? 0 : 1)] != 0; }
+  /// Indices of at most `most` panels that a source in front of them sees, those first that fill the largest angle, about.  Walls in
+  /// between count as air.
+  [[nodiscard]] std::vector<std::uint32_t> largest_from(glm::dvec3 source, std::size_t most) const;
+  /// Index of the panel that the first or second face of a diffracting edge belongs to; kNone: none.
+  [[nodiscard]] std::uint32_t of_face(std::uint32_t edge, bool first) const {
+    return panel_of_face_.empty() ? kNone : panel_of_face_[2 * edge + (first ? 0 : 1)];
+  }
   [[nodiscard]] std::size_t bytes() const;  ///< of memory
 
  private:
   void add(std::span<const PanelEdge> sides, std::span<const std::size_t> members, std::uint32_t plane);
 
-  std::vector<PanelShape> shapes_;  ///< by plane
-  std::vector<std::size_t> begin_;  ///< by plane
-  std::vector<std::uint8_t> held_;  ///< by edge and face; empty without panels
+  std::vector<PanelShape> shapes_;            ///< by plane
+  std::vector<std::size_t> begin_;            ///< by plane
+  std::vector<std::uint32_t> panel_of_face_;  ///< by edge and face; empty without panels
 };
 
 }  // namespace earshot

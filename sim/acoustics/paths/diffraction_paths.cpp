@@ -192,6 +192,8 @@ class DiffractionCandidates::Search {
 DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::vec3 source) : source_(source), budget_(scene.config()) {
   if (!scene.plan().diffraction) return;
   bands_ = edge_bands(scene);
+  if (scene.image_order() > 0 && scene.panel_shapes() != nullptr)
+    panels_ = scene.panel_shapes()->largest_from(glm::dvec3(source), budget_.panels);
   EdgeGrowth growth(scene, source);
   growth.expand(budget_.expansions);
   const std::vector<RankedCandidate> kept = growth.strongest(static_cast<std::size_t>(budget_.sequences));
@@ -212,6 +214,15 @@ DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::ve
                                     [](const EdgeCandidate& candidate) { return candidate.sequence.order == 1; });
     groups_.push_back({last, begin, candidates_.size(), single});
   }
+}
+
+bool DiffractionCandidates::wave_has_face(const PanelShapes& shapes, std::uint32_t edge, bool first) const {
+  const std::uint32_t panel = shapes.of_face(edge, first);
+  if (panel == PanelShapes::kNone) return false;
+  if (has_wave(panel)) return true;
+  // The back of one that has.
+  const std::uint32_t other = shapes.of_face(edge, !first);
+  return other != PanelShapes::kNone && has_wave(other) && !shapes.all()[panel].faces(glm::dvec3(source_));
 }
 
 int DiffractionCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const {
@@ -385,9 +396,9 @@ SplitFactors DiffractionCandidates::Search::weigh_terms(const DiffractionEdge& e
   const auto index_in_scene = static_cast<std::uint32_t>(&edge - edges_.edges().data());
   SplitFactors factors;
   for (std::size_t i = 0; i < 3; ++i) {
-    // Images have the size of their panels, and panels in the air have waves of their own (panel_reflection.h); where other images have
-    // ended the edge's wave goes on, with many rays.
-    if (i > 0 && (boundaries[i].lit || scene_.panel_shapes()->holds_face(index_in_scene, i == 1))) continue;
+    // Images have the size of their panels, and the largest panels in the air have waves of their own (panel_reflection.h); where other
+    // images have ended the edge's wave goes on, with many rays.
+    if (i > 0 && (boundaries[i].lit || candidates_.wave_has_face(*scene_.panel_shapes(), index_in_scene, i == 1))) continue;
     const bool ends = i > 0 && candidates_.budget_.near_boundary_only;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t band = static_cast<std::size_t>(bands.first) + std::min(lane, static_cast<std::size_t>(bands.count) - 1);

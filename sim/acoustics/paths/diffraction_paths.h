@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <span>
@@ -49,6 +50,10 @@ class DiffractionCandidates {
                          std::vector<Arrival>& arrivals) const;
 
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
+  /// Of PanelShapes::all(): panels in the air that send waves to every side (early_reflections.h), at most DiffractionBudget::panels, those
+  /// that the source sees largest.  None without images: the tracers reflect the whole of a panel then.
+  [[nodiscard]] std::span<const std::uint32_t> panels() const { return panels_; }
+  [[nodiscard]] bool has_wave(std::uint32_t panel) const { return std::ranges::find(panels_, panel) != panels_.end(); }
   /// Bands of the scene as edges use them; empty without edges.
   [[nodiscard]] std::span<const EdgeBands> bands() const { return bands_; }
 
@@ -60,12 +65,15 @@ class DiffractionCandidates {
     bool single;  ///< is a sequence of that edge alone among them?
   };
   class Search;
+  /// Does the wave of a panel stand for the reflection of this face at its edge?
+  [[nodiscard]] bool wave_has_face(const PanelShapes& shapes, std::uint32_t edge, bool first) const;
 
   glm::vec3 source_;
   std::vector<EdgeBands> bands_;
   DiffractionBudget budget_;               ///< of the config that this was made with
   std::vector<EdgeCandidate> candidates_;  ///< by group, strongest estimate first within each
-  std::vector<Group> groups_;              ///< the one with the strongest candidate first
+  std::vector<std::uint32_t> panels_;
+  std::vector<Group> groups_;  ///< the one with the strongest candidate first
 };
 
 }  // namespace earshot

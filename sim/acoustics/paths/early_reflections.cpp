@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <glm/geometric.hpp>
 #include <numbers>
 
@@ -164,15 +163,10 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
       material = scene.scene().mesh().triangle_material[hit.triangle];
       origin = offset_from_surface(hit.position, hit.normal);
     }
-    const bool by_angle = scene.surfaces().reacts_locally(material);
     for (int band = 0; band < scene.num_bands(); ++band) {
-      if (!by_angle) {
-        path.energy_fraction[band] *= double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
-        continue;
-      }
-      const std::complex<double> pressure = scene.surfaces().mirror_pressure(material, band, path.cosine[i]);
-      path.energy_fraction[band] *= std::norm(pressure) * (1.0 - scene.scattering(material)[band]);
-      path.phase_rad[band] += std::arg(pressure);
+      const MirrorReflection reflection = mirror_reflection(scene, material, band, path.cosine[i]);
+      path.energy_fraction[band] *= reflection.energy_fraction;
+      path.phase_rad[band] += reflection.phase_rad;
     }
   }
   return !rays.occluded(origin, source);
@@ -185,7 +179,7 @@ struct PanelFactor {
   bool finite = false;                      ///< is any panel?
 };
 
-PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBands> groups, glm::dvec3 source, glm::dvec3 listener,
+PanelFactor find_panel_factor(const AcousticScene& scene, const DiffractionCandidates& edge_waves, glm::dvec3 source, glm::dvec3 listener,
                               double distance_m, const MirrorPath& path) {
   PanelFactor product;
   product.energy_fraction.fill(1.0);
@@ -206,15 +200,15 @@ PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBa
     const PanelReflection panel(edges, image, image + (path.point[i] - image) * (distance_m / before_m), path.point[i], longest_wave_m);
     if (shape == nullptr && !panel.finite()) continue;
     product.finite = true;
-    for (const EdgeBands& bands : groups) {
+    for (const EdgeBands& bands : edge_waves.bands()) {
       const PanelReflection::Factor factor =
           shape != nullptr && alone ? PanelWave(*shape, source, listener).factor(bands.wave) : panel.factor(bands.wave.number);
       for (int lane = 0; lane < bands.count; ++lane) {
         const int band = bands.first + lane;
         double energy = double{factor.energy[lane]}, reflected = 1;
-        if (shape != nullptr && !alone) {
+        if (shape != nullptr) {
           const double cosine = std::abs(glm::dot(shape->normal, path.point[i] - image)) / before_m;
-          energy *= small_panel_gain(*shape, bands.wave.exact[lane], cosine);
+          if (!alone) energy *= small_panel_gain(*shape, bands.wave.exact[lane], cosine);
           reflected = reflected_fraction(*shape, bands.wave.exact[lane], cosine);
         }
         product.energy_fraction[band] *= energy;
@@ -223,7 +217,8 @@ PanelFactor find_panel_factor(const AcousticScene& scene, std::span<const EdgeBa
       }
     }
     // The rest of a single panel goes to its sides: as its wave there, or with its edges.
-    if (alone && (shape != nullptr || !DiffractionBudget(scene.config()).near_boundary_only)) product.reflected.fill(0.0);
+    const bool has_wave = shape != nullptr && edge_waves.has_wave(static_cast<std::uint32_t>(shape - scene.panel_shapes()->all().data()));
+    if (alone && (has_wave || !DiffractionBudget(scene.config()).near_boundary_only)) product.reflected.fill(0.0);
   }
   return product;
 }
@@ -234,7 +229,6 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
     : source_(sound_source), emission_(sound_source, scene.bands()), diffraction_(scene, checked_position(sound_source)) {
   const FlushDenormals flush;
   wall_gain_ = scene.wall_gain(source());
-  find_panels(scene);
   const int order = scene.image_order();
   const auto num_planes = static_cast<std::uint32_t>(scene.planes().size());
   if (order == 0 || num_planes == 0) return;
@@ -316,7 +310,7 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   if (!scene.folds().planes.empty() && !weigh_folds(scene, std::span(path.met_plane).first(order), std::span(path.met_fold).first(order),
                                                     by_folds, listener, path.energy_fraction))
     return false;
-  const PanelFactor panels = find_panel_factor(scene, diffraction_.bands(), glm::dvec3(source()), glm::dvec3(listener), distance_m, path);
+  const PanelFactor panels = find_panel_factor(scene, diffraction_, glm::dvec3(source()), glm::dvec3(listener), distance_m, path);
 
   const glm::dvec3 departure = path.point[0] - glm::dvec3(source());
   arrival.kind = ArrivalKind::reflection;

@@ -37,15 +37,19 @@ class EarlyCandidates {
   /// A folded surface (folded_planes.h) is one mirror in bands in which the ways between its top and bottom differ by an eighth of a wave
   /// at most, the planes that it consists of from a quarter on.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
-  /// Planes that end in the air reflect by their size (panel_reflection.h).  Of the kMostPanels panels in the air that the source sees
-  /// largest (kMostQuickPanels: DiffractionBudget::quick), what goes to their sides are paths too, in sight, at most kMostPanelPaths;
-  /// energy of weaker ones is `scattered`, as arrivals. So is, of longer images, what panels reflect but not here, and of one plane that is
-  /// no such panel all that it does not reflect here if its edges are left out (DiffractionBudget::near_boundary_only).  What no panel
-  /// reflects passes round it.  Null: that energy is lost.
+  /// Planes that end in the air reflect by their size (panel_reflection.h); what no panel reflects passes round it.  `scattered` gets, as
+  /// arrivals, of longer images what panels reflect but not here, and of one plane without a wave of its own (find_panel_waves) what it
+  /// does not reflect here if its edges are left out (DiffractionBudget::near_boundary_only).  Null: that energy is lost.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals,
                      std::vector<Arrival>* scattered) const;
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
+  /// Appends what the panels in the air that the source sees largest (DiffractionCandidates::panels) send to their sides, unsorted: one
+  /// wave of each whose point of reflection is off the panel.  Part of find_arrivals if in_sight.  At most kMostPanelPaths; energy of
+  /// weaker ones, and of those 40 dB below the direct sound in all bands, is `scattered`.  A wave is lost where something hides the point
+  /// of its panel that is nearest to that of reflection.
+  void find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
+                        std::vector<Arrival>* scattered) const;
   /// Direct sound of a point in sight, without its emission.  False where it comes after config.rir_length_s, or direct sound is off.
   static bool set_direct(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, Arrival& direct);
   /// Is this plane sequence, in the order from the source, among the candidates?  Then image paths carry its specular energy.
@@ -63,7 +67,7 @@ class EarlyCandidates {
 
  private:
   static constexpr int kMaxOrder = PlaneSequence::kMaxOrder;
-  static constexpr std::size_t kMostPanels = 16, kMostQuickPanels = 6, kMostPanelPaths = 6;
+  static constexpr std::size_t kMostPanelPaths = 6;
   using Sequence = PlaneSequence;
   /// Mirrors the source in all sequences and notes their last planes.
   void find_images(const AcousticScene& scene);
@@ -74,11 +78,6 @@ class EarlyCandidates {
   bool weigh_folds(const AcousticScene& scene, std::span<const std::uint32_t> met, std::span<const std::uint32_t> fold, bool by_folds,
                    glm::vec3 listener, std::span<double> energy_fraction) const;
   [[nodiscard]] bool find_sequence(std::span<const std::uint32_t> planes, std::size_t begin, std::size_t end) const;
-  /// Notes the panels that the source sees largest.
-  void find_panels(const AcousticScene& scene);
-  /// Appends the waves of panels whose image is not in sight.
-  void find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
-                        std::vector<Arrival>* scattered) const;
   bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival, Arrival& scattered) const;
   /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in
   /// one plain loop that lets pass a little more than find_path does.
@@ -92,8 +91,7 @@ class EarlyCandidates {
   /// Sorted and unique, those by planes before those by folds, which count as planes from planes().size() on.
   std::vector<Sequence> sequences_;
   std::size_t num_by_planes_ = 0;
-  std::vector<std::uint32_t> panels_;  ///< of PanelShapes::all()
-  std::vector<glm::dvec3> images_;     ///< the source mirrored in all planes of the sequence
+  std::vector<glm::dvec3> images_;  ///< the source mirrored in all planes of the sequence
   /// Of the last plane of each sequence, one array per quantity: unit normal, offset, height of the image, bounds; and the image.
   struct LastPlanes {
     std::array<std::vector<double>, 3> normal, image, lower, upper;

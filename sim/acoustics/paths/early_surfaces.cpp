@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "sim/acoustics/geometry/exact_plane.h"
-#include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/paths/early_reflections.h"
 #include "sim/acoustics/paths/panel_reflection.h"
 #include "sim/acoustics/paths/path_level.h"
@@ -16,7 +15,6 @@
 namespace earshot {
 namespace {
 
-constexpr double kLeastHeightM = 1e-3;         // of source and listener above a panel
 constexpr double kLeastOfDirect = 0.01;        // pressure of a panel's wave, in its loudest band
 constexpr double kInset = 0.02;                // of rays to a panel
 constexpr std::uint32_t kPanelBit = 1U << 30;  // tells panels from edges in an identity
@@ -98,32 +96,15 @@ bool EarlyCandidates::weigh_folds(const AcousticScene& scene, std::span<const st
   return is_audible;
 }
 
-void EarlyCandidates::find_panels(const AcousticScene& scene) {
-  if (!scene.plan().diffraction || scene.panel_shapes() == nullptr) return;
-  const std::span<const PanelShape> shapes = scene.panel_shapes()->all();
-  const glm::dvec3 from(source());
-  std::vector<std::pair<double, std::uint32_t>> seen;  // by the angle that they fill, about
-  for (std::uint32_t i = 0; i < shapes.size(); ++i) {
-    const double height_m = glm::dot(from - shapes[i].centre, shapes[i].normal);
-    if (!(height_m > kLeastHeightM)) continue;
-    const glm::dvec3 way = from - shapes[i].nearest(from);
-    const double away_m = glm::length(way);
-    seen.emplace_back(-shapes[i].area_m2() * height_m / (away_m * away_m * away_m), i);
-  }
-  std::sort(seen.begin(), seen.end());
-  seen.resize(std::min(seen.size(), DiffractionBudget(scene.config()).quick ? kMostQuickPanels : kMostPanels));
-  for (const auto& [angle, index] : seen) panels_.push_back(index);
-}
-
 void EarlyCandidates::find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
                                        std::vector<Arrival>* scattered) const {
   const EmbreeScene& rays = scene.scene().rays();
   const glm::dvec3 from(source()), to(listener);
   const std::size_t first = arrivals.size();
   const double least_energy = std::pow(kLeastOfDirect * 0.25 * std::numbers::inv_pi / std::max(glm::length(to - from), 0.1), 2);
-  for (const std::uint32_t index : panels_) {
+  for (const std::uint32_t index : diffraction_.panels()) {
     const PanelShape& panel = scene.panel_shapes()->all()[index];
-    if (!(glm::dot(to - panel.centre, panel.normal) > kLeastHeightM)) continue;
+    if (!panel.faces(to)) continue;
     const PanelWave wave(panel, from, to);
     if (wave.in_sight()) continue;  // an image path, or the tracers'
     const glm::dvec3 departure = wave.at() - from, arrival_way = wave.at() - to;
@@ -143,22 +124,29 @@ void EarlyCandidates::find_panel_waves(const AcousticScene& scene, glm::vec3 lis
     path.distance_m = static_cast<float>(distance_m);
     path.direction = glm::vec3(arrival_way / arrival_m);
     path.departure = glm::vec3(departure / departure_m);
+    // As of the image in its endless plane, which it joins.
+    const double cosine = std::min(glm::dot(from - panel.centre + to - panel.centre, panel.normal) / wave.image_m(), 1.0);
     std::array<double, kMaxBands> fraction{};
     double most = 0;
     for (const EdgeBands& bands : diffraction_.bands()) {
       const PanelReflection::Factor factor = wave.factor(bands.wave);
       for (int lane = 0; lane < bands.count; ++lane) {
         const int band = bands.first + lane;
+        const MirrorReflection reflection = mirror_reflection(scene, material, band, cosine);
         // Of an image: of its length, whatever the way.
-        fraction[band] = double{factor.energy[lane]} * std::pow(distance_m / wave.image_m(), 2) *
-                         double{scene.reflectance(material)[band]} * (1.0 - scene.scattering(material)[band]);
-        path.phase_rad[band] = static_cast<float>(std::remainder(
-            double{factor.phase_rad[lane]} + bands.wave.exact[lane] * (distance_m - wave.image_m()), 2.0 * std::numbers::pi));
+        fraction[band] = double{factor.energy[lane]} * std::pow(distance_m / wave.image_m(), 2) * reflection.energy_fraction;
+        path.phase_rad[band] = static_cast<float>(
+            std::remainder(double{factor.phase_rad[lane]} + bands.wave.exact[lane] * (distance_m - wave.image_m()) + reflection.phase_rad,
+                           2.0 * std::numbers::pi));
       }
     }
     if (!set_amplitude(scene, distance_m, fraction, path)) continue;
     for (int band = 0; band < scene.num_bands(); ++band) most = std::max(most, double{path.amplitude[band]} * path.amplitude[band]);
-    if (most >= least_energy) arrivals.push_back(path);
+    if (most >= least_energy) {
+      arrivals.push_back(path);
+    } else if (scattered != nullptr) {
+      scattered->push_back(path);
+    }
   }
   // The strongest stay paths; each of those is filtered.
   const auto level = [&](const Arrival& path) { return level_db(path, scene.num_bands()); };

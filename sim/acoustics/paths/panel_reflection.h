@@ -47,8 +47,7 @@ class PanelReflection {
 ///  - that of a half plane's edge, which is exact (Sommerfeld 1896): with inward directions a, a' and heights c, c' of source and listener
 ///    as seen from the edge its square is 2 (1 + a)(1 + a') / (1 + c c' + a a'), which is 1 where the image ends;
 ///  - what the other edge leaves of it, E(v) E(v') with E(v) = 1 - exp(-j v^2) scaled_erfc(v) and v^2 = k times how much longer the way
-///  over
-///    both edges is.  So the wave has the field of the sheet along itself, with the second diffraction, and vanishes in its plane.  The
+///    over both edges is.  So the wave has the field of the sheet along itself, with the second diffraction, and vanishes in its plane. The
 ///    image and what continues it have the size of these alone, (1 - exp(-4 v^2 / pi))^(1/2), without their ripple.
 /// Small panels: (k low_ratio)^2 of Kirchhoff's energy (panel_shapes.h), times c c' and a resonance by two constants that are fitted to the
 /// exact strip, and taken over where k low_ratio is 1.3.  Faces of solids: Kirchhoff's reflection alone.

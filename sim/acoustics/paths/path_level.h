@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <cstdint>
 #include <numbers>
 #include <span>
 
@@ -33,6 +35,17 @@ inline bool set_amplitude(const AcousticScene& scene, double distance_m, std::sp
     is_audible = is_audible || arrival.amplitude[band] > 0.f;
   }
   return is_audible;
+}
+
+/// Reflection by a mirror of a material, in one band.
+struct MirrorReflection {
+  double energy_fraction = 0, phase_rad = 0;  ///< phase: of locally reacting walls
+};
+inline MirrorReflection mirror_reflection(const AcousticScene& scene, std::uint32_t material, int band, double cosine) {
+  const double kept = 1.0 - scene.scattering(material)[band];
+  if (!scene.surfaces().reacts_locally(material)) return {double{scene.reflectance(material)[band]} * kept, 0};
+  const std::complex<double> pressure = scene.surfaces().mirror_pressure(material, band, cosine);
+  return {std::norm(pressure) * kept, std::arg(pressure)};
 }
 
 }  // namespace earshot

@@ -69,6 +69,10 @@ PoseEffects find_paths_of_sphere(const AcousticScene& scene, const EarlyCandidat
   candidates.find_arrivals(scene, listener, false, response.arrivals, &response.scattered);
   const bool panels = panels_matter(response);
   PoseEffects effects = find_sphere_arrivals(scene, candidates, listener, response.arrivals);
+  if (effects.in_sight) {
+    candidates.find_panel_waves(scene, listener, response.arrivals, &response.scattered);
+    std::ranges::stable_sort(response.arrivals, {}, &Arrival::distance_m);
+  }
   effects.diffraction = effects.diffraction || (panels && candidates.diffraction().size() > 0);
   return effects;
 }

@@ -17,7 +17,9 @@
 namespace earshot {
 namespace {
 
-constexpr std::size_t kMostInShadow = 32;  // points that are all used
+constexpr std::size_t kLeastToThin = 32;  // points from which on a quarter does in the shadow
+/// Of each four pairs in turn, the one that is used in the shadow: of all radii and turns alike.
+constexpr std::array<std::size_t, 4> kUsedOfFour = {2, 0, 3, 1};
 constexpr double kTurn = 2 * std::numbers::pi;
 
 /// One part of the sphere.
@@ -167,6 +169,7 @@ class SpherePaths {
 }  // namespace
 
 bool is_sphere(const AcousticScene& scene, const SoundSource& source, glm::vec3 listener) {
+  if (scene.config().direct == Switch::off && !scene.plan().diffraction && !scene.plan().straight_transmission) return false;
   return source.radius_m > 0.f && scene.config().direct_rays > 1 && glm::distance(source.position, listener) > kMinDistanceM;
 }
 
@@ -180,11 +183,11 @@ PoseEffects find_sphere_arrivals(const AcousticScene& scene, const EarlyCandidat
 
   SpherePaths paths(scene);
   const std::vector<Arrival> images = arrivals;
-  // In the shadow the field is smooth over the sphere: every fourth pair stands for all.
-  const std::size_t stride = effects.in_sight || points.size() < kMostInShadow ? 1 : 4;
+  // In the shadow the field is smooth over the sphere: one pair in four stands for all.
+  const bool thin = !effects.in_sight && points.size() >= kLeastToThin;
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (i / 2 % stride != 0) continue;
+    if (const std::size_t pair = i / 2; thin && pair % 4 != kUsedOfFour[pair / 4 % 4]) continue;
     const SpherePoint& point = points[i];
     ++count;
     arrivals = images;

@@ -27,10 +27,10 @@ namespace earshot {
 /// from the visible part.  Sound that goes round edges from hidden points while others are in sight belongs to the direct sound where its
 /// detour is below half a wave (boundary_weight): two arrivals at one time would add as pressures.
 ///
-/// Not modelled: images are those of the centre; edges are those of the sequences that were found from the centre; what lies behind a
-/// surface that cuts the sphere counts as hidden.
+/// Not modelled: images and waves of panels are those of the centre; edges are those of the sequences that were found from the centre; what
+/// lies behind a surface that cuts the sphere counts as hidden.
 
-/// Is the source looked at as a sphere from there?  Otherwise its centre stands for it.
+/// Is the source looked at as a sphere from there, and does any of the three matter in this scene?  Otherwise its centre stands for it.
 bool is_sphere(const AcousticScene& scene, const SoundSource& source, glm::vec3 listener);
 
 /// Adds these arrivals, without the source's emission, to `arrivals`, which has the image paths of the centre, sorted by distance, and
