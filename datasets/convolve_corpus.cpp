@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "datasets/corpus_parts.h"
 #include "datasets/inputs/corpus_inputs.h"
@@ -30,7 +31,7 @@ using Json = nlohmann::ordered_json;
 /// Signals that a killed run may have to make again.
 constexpr int kSignalsPerPart = 10;
 /// Of what a mixture is for given settings and files: corpora of other versions are not completed.
-constexpr int kMixingVersion = 2;
+constexpr int kMixingVersion = 3;
 
 void validate_range(const std::vector<float>& range, const std::string& key, float low, float high) {
   const bool ok = range.size() == 2 && range[0] >= low && range[1] <= high && range[0] <= range[1];
@@ -45,16 +46,29 @@ struct ConvolveSounds {
   [[nodiscard]] const SoundFolder* noise_folder() const { return noise ? &*noise : nullptr; }
 };
 
-std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const ConvolveSounds& sounds, std::uint64_t signals) {
-  const SoundFolder& speech = sounds.speech;
+bool names_folder(const std::string& noise) { return !noise.empty() && noise != "synth" && !noise.starts_with("synth:"); }
+
+/// Keys of the lines that depend on the files.
+std::set<std::string> keys_of_files(const ConvolveConfig& config) {
+  std::set<std::string> keys{"speech_files", "speech_hash", "transcripts_hash"};
+  if (names_folder(config.noise)) keys.insert("noise");
+  if (config.count == 0) keys.insert("signals");
+  return keys;
+}
+
+/// sounds: null to leave out what depends on them.
+std::string config_lines(const ConvolveConfig& config, const ResponseIndex& index, const ConvolveSounds* sounds, std::uint64_t signals) {
   const auto range = [](const std::vector<float>& values) { return fmt::format("[{}, {}]", values[0], values[1]); };
   std::string text;
   const auto add = [&](const std::string& key, const auto& value) { text += fmt::format("{}: {}\n", key, value); };
   add("corpus_hash", hex64(index.hash()));
-  add("speech_files", speech.files.size());
-  add("speech_hash", hex64(speech.hash()));
-  add("transcripts_hash", hex64(sounds.transcripts.hash(speech)));
-  add("noise", sounds.noise ? "folder " + hex64(sounds.noise->hash()) : config.noise.empty() ? "none" : config.noise);
+  if (sounds) {
+    add("speech_files", sounds->speech.files.size());
+    add("speech_hash", hex64(sounds->speech.hash()));
+    add("transcripts_hash", hex64(sounds->transcripts.hash(sounds->speech)));
+  }
+  if (sounds || !names_folder(config.noise))
+    add("noise", sounds && sounds->noise ? "folder " + hex64(sounds->noise->hash()) : config.noise.empty() ? "none" : config.noise);
   add("seed", config.seed);
   add("signals", signals);
   add("rt60_s", config.wished.rt60_s.empty() ? "all" : range(config.wished.rt60_s));
@@ -240,6 +254,11 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
     throw InputError("--format flac", fmt::format("supports at most 8 channels, but the responses have {}", index.channels().size()),
                      "use --format wav");
 
+  // What does not depend on files is compared before they are opened.
+  CorpusFolder::refuse_others(
+      run.out,
+      CorpusFolder::describe("convolve", config_lines(config, index, nullptr, config.count), index.sample_rate_hz(), index.channels()),
+      keys_of_files(config));
   Transcripts transcripts(speech);
   ConvolveSounds sounds{.speech = std::move(speech), .noise = std::move(noise), .transcripts = std::move(transcripts)};
   const CorpusInputs inputs = open_inputs(config, run, index.sample_rate_hz(), sounds);
@@ -251,7 +270,7 @@ ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusR
   const std::uint64_t parts_per_folder = static_cast<std::uint64_t>(config.signals_per_folder) / per_part;
   const CorpusFolder folder(run.out, static_cast<std::size_t>((signals + per_part - 1) / per_part),
                             static_cast<std::size_t>(parts_per_folder), index.sample_rate_hz(), index.channels().size());
-  folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, sounds, signals), index.sample_rate_hz(), index.channels()));
+  folder.begin(CorpusFolder::describe("convolve", config_lines(config, index, &sounds, signals), index.sample_rate_hz(), index.channels()));
   inputs.record();
 
   const auto end_of = [&](std::size_t part) { return std::min<std::uint64_t>(signals, (part + 1) * per_part); };

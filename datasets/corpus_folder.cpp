@@ -89,6 +89,18 @@ std::string as_lines(const std::string& json, const std::string& where) {
   }
 }
 
+/// Lines without those of `keys`.
+std::string without(const std::string& lines, const std::set<std::string>& keys) {
+  std::string kept;
+  for (std::size_t begin = 0; begin < lines.size();) {
+    const std::size_t end = std::min(lines.find('\n', begin), lines.size() - 1) + 1;
+    const std::string line = lines.substr(begin, end - begin);
+    if (!keys.contains(line.substr(0, line.find(':')))) kept += line;
+    begin = end;
+  }
+  return kept;
+}
+
 }  // namespace
 
 CorpusFolder::CorpusFolder(std::filesystem::path out, std::size_t num_rooms, std::size_t rooms_per_folder, float sample_rate_hz,
@@ -108,11 +120,19 @@ void CorpusFolder::begin(const std::string& description) const {
     write_file_atomically(path, description);
     return;
   }
-  const std::string existing = read_file(path);
-  if (existing == description) return;
-  const auto [old_line, line] = first_difference(as_lines(existing, path.string()), as_lines(description, path.string()));
+  if (read_file(path) == description) return;
+  refuse_others(out_, description, {});
+}
+
+void CorpusFolder::refuse_others(const std::filesystem::path& out, const std::string& description, const std::set<std::string>& of_files) {
+  const std::filesystem::path path = out / "corpus.json";
+  std::error_code unknown;
+  if (!std::filesystem::exists(path, unknown)) return;
+  const auto [old_line, line] = first_difference(without(as_lines(read_file(path), path.string()), of_files),
+                                                 without(as_lines(description, path.string()), of_files));
+  if (old_line == line) return;
   throw InputError(
-      out_.string(),
+      out.string(),
       fmt::format("contains a corpus that was started with other settings: '{}' there, '{}' here", trimmed(old_line), trimmed(line)),
       "complete it with the same config and program, or use another folder");
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,6 +42,9 @@ class CorpusFolder {
 
   /// Writes corpus.json, or compares it with the one that is there.  Throws InputError naming the first line that differs.
   void begin(const std::string& description) const;
+  /// Compares the corpus that is in `out`, if there is one, without the lines that depend on input files, before those are opened.
+  /// of_files: keys of these lines.  Throws as begin().
+  static void refuse_others(const std::filesystem::path& out, const std::string& description, const std::set<std::string>& of_files);
   [[nodiscard]] std::size_t count() const { return (num_rooms_ + rooms_per_folder_ - 1) / rooms_per_folder_; }
   /// Whether all rooms of a folder are written.
   [[nodiscard]] bool is_complete(std::size_t folder) const { return std::filesystem::exists(manifest_path(folder)); }

@@ -36,8 +36,9 @@ SoundFolder SoundFolder::list(const std::string& folder) {
     if (at.depth() > kDeepest)
       throw InputError(folder, fmt::format("has more than {} nested folders", kDeepest),
                        "look for a symbolic link that leads back to a parent folder");
-    std::error_code unknown;  // a dangling link is not a file
-    if (!names_sound(at->path()) || !at->is_regular_file(unknown)) continue;
+    std::error_code unknown;
+    const bool is_dangling = at->is_symlink(unknown) && !at->exists(unknown);
+    if (!names_sound(at->path()) || (!is_dangling && !at->is_regular_file(unknown))) continue;
     found.files.push_back(at->path().lexically_relative(folder).generic_string());
   }
   if (error) throw InputError(folder, "cannot be listed: " + error.message(), "check the permissions and links of its folders");
@@ -93,6 +94,11 @@ std::vector<float> looped(std::span<const float> clip, std::uint64_t start, std:
   std::vector<float> result(count);
   for (std::size_t i = 0; i < count; ++i) result[i] = clip[static_cast<std::size_t>((start + i) % clip.size())];
   return result;
+}
+
+std::uint64_t sounding_start(std::span<const float> clip, std::uint64_t drawn, std::size_t heard, std::size_t frames, std::size_t lag) {
+  if (energy_of(looped(clip, drawn + heard, frames)) > 0) return drawn;
+  return (loudest_sample(clip) + clip.size() - (heard + lag) % clip.size()) % clip.size();
 }
 
 std::vector<float> white_noise(const RandomStream& random, std::size_t count) {

@@ -15,7 +15,8 @@ namespace earshot {
 struct SoundFolder {
   std::filesystem::path root;
   std::vector<std::string> files;
-  /// Links are followed.  Throws InputError: none is there, a folder that cannot be read or that holds itself by a link.
+  /// Links are followed; one that leads nowhere is listed if its name is that of a sound.  Throws InputError: none is there, a folder that
+  /// cannot be read or that holds itself by a link.
   static SoundFolder list(const std::string& folder);
   /// Of names and sizes.  Throws InputError for a file that is gone.
   [[nodiscard]] std::uint64_t hash() const;
@@ -37,6 +38,9 @@ std::size_t loudest_sample(std::span<const float> samples);
 void scale(std::vector<float>& samples, double factor);
 /// `count` samples of an endless loop of `clip`, from `start` on.
 std::vector<float> looped(std::span<const float> clip, std::uint64_t start, std::size_t count);
+/// Where a loop of `clip` begins so that something sounds in `frames` samples from the `heard`-th on: at `drawn`; or, where that part is
+/// silent, so that the loudest sample sounds `lag` samples into it.  lag: below frames.
+std::uint64_t sounding_start(std::span<const float> clip, std::uint64_t drawn, std::size_t heard, std::size_t frames, std::size_t lag);
 /// Normal numbers of unit variance.
 std::vector<float> white_noise(const RandomStream& random, std::size_t count);
 

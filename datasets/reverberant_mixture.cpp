@@ -207,19 +207,16 @@ void MixtureMaker::render_noise(Mixture& mixture, std::uint64_t number, const st
   const RandomStream random = stream_of(config_, number, 0);
   const std::size_t channels = index_.channels().size(), frames = mixture.num_frames;
   MixedNoise& noise = mixture.noise;
-  // heard: the sample of the part that is heard at the first sample of the mixture.
+  // heard: the sample of the part that is heard at the first sample of the mixture.  Each channel that draws a pause has a lag of its own,
+  // so that no two are alike.
   const auto part = [&](std::size_t channel, std::size_t count, std::size_t heard) {
     if (clip.empty()) return white_noise(noise_stream(config_, number, channel), count);
     const auto size = static_cast<std::uint32_t>(clip.size());
-    std::uint64_t start =
+    const std::uint64_t drawn =
         random.below(size, channel == 0 ? MixtureDraw::noise_start : MixtureDraw::channel_start + static_cast<std::uint32_t>(channel));
-    std::vector<float> drawn = looped(clip, start, count);
-    if (energy_of(std::span(drawn).subspan(heard, frames)) <= 0) {  // a pause that is longer than the mixture
-      start = (loudest_sample(clip) + size - heard % size) % size;
-      drawn = looped(clip, start, count);
-    }
+    const std::uint64_t start = sounding_start(clip, drawn, heard, frames, channel * frames / channels);
     if (channel == 0) noise.start_sample = start;
-    return drawn;
+    return looped(clip, start, count);
   };
   if (noise.response >= 0) {
     // It sounds from before the first sample to after the last: reverberation of earlier sound is included, its end is not.

@@ -27,6 +27,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
+#include "sim/base/text/utf8.h"
 
 namespace earshot {
 namespace {
@@ -80,9 +81,9 @@ class RoomRecorder {
       SoundSource source(event.path[0].position);
       source.directivity = Directivity::named(pattern);
       source.orientation = glm::angleAxis(static_cast<float>(heading_deg * std::numbers::pi / 180), glm::vec3(0, 1, 0));
-      recorder_.add({.room = room_, .event = event, .listener = plan.listener, .source = std::move(source)},
-                    {.frames = frames, .samples = mix});
-      events.push_back(describe(event, pattern, heading_deg));
+      const std::uint64_t start = recorder_.add({.room = room_, .event = event, .listener = plan.listener, .source = std::move(source)},
+                                                {.frames = frames, .samples = mix});
+      events.push_back(describe(event, start, pattern, heading_deg));
     }
     Json noise = nullptr;
     if (!config_.noise.empty() && !plan.events.empty()) noise = add_noise(recording, random, frames, mix);
@@ -121,7 +122,7 @@ class RoomRecorder {
   }
 
  private:
-  [[nodiscard]] Json describe(const SoundEvent& event, const std::string& pattern, double heading_deg) const {
+  [[nodiscard]] Json describe(const SoundEvent& event, std::uint64_t start_sample, const std::string& pattern, double heading_deg) const {
     Json path = Json::array();
     for (const WalkPoint& point : event.path) {
       const glm::dvec3 world = room_.scene().to_world(point.position);
@@ -131,6 +132,7 @@ class RoomRecorder {
             {"class_index", event.class_index},
             {"source", event.number},
             {"sound", event.sound},
+            {"start_sample", start_sample},
             {"onset_s", rounded(event.onset_s)},
             {"offset_s", rounded(event.offset_s)},
             {"level_db", event.level_db},
@@ -150,13 +152,11 @@ class RoomRecorder {
       clip = load_sound(inputs_.noise->root / name, config_.rooms.acoustics.sample_rate_hz).samples;
     }
     std::vector<std::uint64_t> starts;
-    for (std::size_t c = 0; c < channels && !clip.empty(); ++c)
-      starts.push_back(random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c)));
-    // Where all channels have drawn a pause, the loudest sample sounds in each at a time of its own.
-    const auto is_pause = [&](std::uint64_t start) { return energy_of(looped(clip, start, frames)) <= 0; };
-    if (!starts.empty() && std::ranges::all_of(starts, is_pause))
-      for (std::size_t c = 0; c < channels; ++c)
-        starts[c] = (loudest_sample(clip) + clip.size() - (c * frames / channels) % clip.size()) % clip.size();
+    // In a channel that draws a pause the loudest sample sounds, at a time of its own.
+    for (std::size_t c = 0; c < channels && !clip.empty(); ++c) {
+      const auto drawn = random.below(static_cast<std::uint32_t>(clip.size()), MixDraw::noise_start + static_cast<std::uint32_t>(c));
+      starts.push_back(sounding_start(clip, drawn, 0, frames, c * frames / channels));
+    }
     std::vector<float> noise;
     for (std::size_t c = 0; c < channels; ++c) {
       const RandomStream white(config_.rooms.seed, Purpose::sound, kMixStream, static_cast<std::uint32_t>(room_index_),
@@ -257,20 +257,24 @@ SoundSceneReport write_sound_scenes(const SoundSceneConfig& config, const Corpus
   ClassSounds sounds = expand_classes(config);
   std::optional<SoundFolder> noise;
   if (!config.noise.empty() && config.noise != "synth") noise = SoundFolder::list(config.noise);
+  const float rate_hz = config.rooms.acoustics.sample_rate_hz;
+  const ListenerLayout layout = ListenerLayout::named(config.rooms.channels);
+  // What does not depend on files is compared before they are opened; names that are no text are refused with the files.
+  const std::string settings = config_text(config);
+  if (is_utf8(settings))
+    CorpusFolder::refuse_others(run.out, CorpusFolder::describe("scenes", settings, rate_hz, layout.channel_names()),
+                                {"sounds", "noise_files"});
   const CorpusInputs files = open_inputs(config, run, sounds, noise ? &*noise : nullptr);
   for (std::size_t i = 0; i < sounds.size(); ++i) keep_good(sounds[i], files, config.classes[i]);
   if (noise) noise->files = files.good("noise");
   if (noise && noise->files.empty()) throw InputError("noise", "has no usable sound file", "repair the files, or give another folder");
-  const std::uint64_t sounds_hash = hash_of(sounds, config.rooms.acoustics.sample_rate_hz);
+  const std::uint64_t sounds_hash = hash_of(sounds, rate_hz);
   const std::vector<CorpusRoomSpec> rooms = list_corpus_rooms(config.rooms);
-  const ListenerLayout layout = ListenerLayout::named(config.rooms.channels);
-  const float rate_hz = config.rooms.acoustics.sample_rate_hz;
   const CorpusFolder folder(run.out, rooms.size(), static_cast<std::size_t>(config.rooms.rooms_per_folder), rate_hz,
                             static_cast<std::size_t>(layout.num_channels()));
   folder.begin(CorpusFolder::describe(
-      "scenes",
-      config_text(config) + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"),
-      rate_hz, layout.channel_names()));
+      "scenes", settings + fmt::format("sounds: {}\nnoise_files: {}\n", hex64(sounds_hash), noise ? hex64(noise->hash()) : "none"), rate_hz,
+      layout.channel_names()));
   files.record();
   std::string names;
   for (const SoundClass& sound_class : config.classes) names += sound_class.name + "\n";

@@ -24,19 +24,31 @@ double energy_of_loop(const SoundClip& clip, std::size_t sounding) {
   return sum;
 }
 
-/// The sound of an event, which loops, at the level that was drawn while it sounds.  One that begins with a silence as long as the event
-/// begins with its loudest sample instead.
-SoundClip levelled(const SoundEvent& event, float sample_rate_hz, std::size_t sounding) {
+/// Of the sound before its loudest sample, where it begins there.
+constexpr double kLeadS = 0.005;
+
+/// The sound of an event, which loops, and the sample of its file with which it begins.
+struct StartedSound {
+  SoundClip clip;
+  std::uint64_t start = 0;
+};
+
+/// At the level that was drawn while it sounds.  One that begins with a silence as long as the event begins shortly before its loudest
+/// sample instead.
+StartedSound levelled(const SoundEvent& event, float sample_rate_hz, std::size_t sounding) {
   SoundClip clip = open_sound(event.sound, sample_rate_hz);
+  std::uint64_t start = 0;
   double sum = energy_of_loop(clip, sounding);
   if (sum <= 0) {
-    std::ranges::rotate(clip.samples, clip.samples.begin() + static_cast<std::ptrdiff_t>(loudest_sample(clip.samples)));
+    const auto lead = std::min(static_cast<std::size_t>(std::lround(kLeadS * static_cast<double>(sample_rate_hz))), sounding / 2);
+    start = sounding_start(clip.samples, 0, 0, sounding, lead);
+    std::ranges::rotate(clip.samples, clip.samples.begin() + static_cast<std::ptrdiff_t>(start));
     sum = energy_of_loop(clip, sounding);
   }
   if (sum <= 0) throw InputError(event.sound, "is silent", "remove it from its class");
   const auto factor = static_cast<float>(std::pow(10, event.level_db / 20) / std::sqrt(sum / static_cast<double>(sounding)));
   for (float& sample : clip.samples) sample *= factor;
-  return clip;
+  return {.clip = std::move(clip), .start = start};
 }
 
 /// Adds `block` [channels, n] to the recording from frame `first` on.
@@ -58,17 +70,18 @@ SoundSceneRecorder::SoundSceneRecorder(const SoundSceneConfig& config, std::shar
       synthesizer_(tables),
       glider_(tables, block_) {}
 
-void SoundSceneRecorder::add(const PlacedEvent& placed, const RecordingMix& mix) {
+std::uint64_t SoundSceneRecorder::add(const PlacedEvent& placed, const RecordingMix& mix) {
   const SoundEvent& event = placed.event;
   const auto rate_hz = static_cast<double>(config_.rooms.acoustics.sample_rate_hz);
   const auto first = static_cast<std::size_t>(std::lround(event.onset_s * rate_hz));
   const auto sounding = static_cast<std::size_t>(std::lround((event.offset_s - event.onset_s) * rate_hz));
-  const SoundClip clip = levelled(event, config_.rooms.acoustics.sample_rate_hz, sounding);
+  const auto [clip, start] = levelled(event, config_.rooms.acoustics.sample_rate_hz, sounding);
   const DrySound dry{.clip = clip, .first = first, .sounding = sounding};
   if (event.moves())
     add_moving(placed, dry, mix);
   else
     add_resting(placed, dry, mix);
+  return start;
 }
 
 void SoundSceneRecorder::add_resting(const PlacedEvent& placed, const DrySound& dry, const RecordingMix& mix) {

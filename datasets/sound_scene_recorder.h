@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -39,8 +40,10 @@ class SoundSceneRecorder {
   /// Seconds between two responses of a source that moves; strong paths glide between them, the rest fades (path_glide.h).
   static constexpr double kStepS = 0.05;
   /// Adds an event to `mix` from its onset on; sound after the last frame is cut.  The dry sound is scaled to a root mean square of
-  /// level_db over 1 while it sounds.  Throws InputError: a sound that cannot be read or is silent.
-  void add(const PlacedEvent& placed, const RecordingMix& mix);
+  /// level_db over 1 while it sounds.  Returns the sample of the sound file, at the rate of the recording, with which it begins: 0, or 5 ms
+  /// before the loudest where the file begins with a silence as long as the event.  Throws InputError: a sound that cannot be read or is
+  /// silent.
+  std::uint64_t add(const PlacedEvent& placed, const RecordingMix& mix);
   [[nodiscard]] int num_channels() const { return num_channels_; }
 
  private:

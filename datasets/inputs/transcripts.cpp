@@ -7,6 +7,7 @@
 #include <set>
 #include <string_view>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "sim/base/errors.h"
@@ -25,13 +26,25 @@ std::string read_text(const std::filesystem::path& path, std::size_t most_bytes)
   return text;
 }
 
+/// Without a byte-order mark, and with line feeds for all ends of lines.
+std::string with_line_feeds(std::string text) {
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  std::string clean;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool ends_with_line_feed = text[i] == '\r' && i + 1 < text.size() && text[i + 1] == '\n';
+    if (!ends_with_line_feed) clean += text[i] == '\r' ? '\n' : text[i];
+  }
+  return clean;
+}
+
 /// The text file beside a speech file; empty without one.
 std::optional<std::string> text_beside(const std::filesystem::path& sound) {
   for (const char* ending : {".txt", ".TXT"}) {
     std::filesystem::path path = sound;
     path.replace_extension(ending);
-    std::error_code unknown;
-    if (std::filesystem::exists(path, unknown)) return clean_transcript(read_text(path, kLongestTranscript));
+    std::error_code unknown;  // a link that leads nowhere is a text that cannot be read
+    if (std::filesystem::exists(std::filesystem::symlink_status(path, unknown)))
+      return clean_transcript(read_text(path, kLongestTranscript));
   }
   return {};
 }
@@ -40,7 +53,7 @@ std::optional<std::string> text_beside(const std::filesystem::path& sound) {
 using NamedTexts = std::map<std::string, std::string>;
 
 void read_list(const std::filesystem::path& path, NamedTexts& texts) {
-  const std::string list = clean_transcript(read_text(path, kLongestList));
+  const std::string list = with_line_feeds(read_text(path, kLongestList));
   std::size_t number = 0;
   for (std::size_t begin = 0; begin < list.size();) {
     const std::size_t end = std::min(list.find('\n', begin), list.size());
@@ -60,8 +73,10 @@ NamedTexts read_lists(const std::filesystem::path& folder) {
   NamedTexts texts;
   std::vector<std::filesystem::path> lists;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    if (entry.path().filename().string().ends_with(kListEnd)) lists.push_back(entry.path());
+  std::filesystem::directory_iterator at(folder, error);
+  for (; !error && at != std::filesystem::directory_iterator(); at.increment(error))
+    if (at->path().filename().string().ends_with(kListEnd)) lists.push_back(at->path());
+  if (error) throw InputError(folder.string(), "cannot be listed: " + error.message(), "check the permissions of the folder");
   std::ranges::sort(lists);
   for (const std::filesystem::path& list : lists) read_list(list, texts);
   return texts;
@@ -70,12 +85,7 @@ NamedTexts read_lists(const std::filesystem::path& folder) {
 }  // namespace
 
 std::string clean_transcript(std::string text) {
-  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
-  std::string clean;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const bool ends_with_line_feed = text[i] == '\r' && i + 1 < text.size() && text[i + 1] == '\n';
-    if (!ends_with_line_feed) clean += text[i] == '\r' ? '\n' : text[i];
-  }
+  const std::string clean = with_line_feeds(std::move(text));
   const std::size_t begin = clean.find_first_not_of(kBlank);
   if (begin == std::string::npos) return {};
   return clean.substr(begin, clean.find_last_not_of(kBlank) - begin + 1);

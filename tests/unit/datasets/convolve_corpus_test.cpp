@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "datasets/corpus_sounds.h"
+#include "datasets/inputs/transcripts.h"
 #include "datasets/response_index.h"
 #include "sim/base/errors.h"
 #include "tests/support/envs/convolve_corpus_cases.h"
@@ -263,9 +264,15 @@ TEST_F(ConvolveCorpus, LinksAreFollowedButNotInCircles) {
   config.count = 0;
   std::filesystem::create_directory_symlink(files_.path("noise"), files_.path("speech/linked"));
   std::filesystem::create_symlink(files_.path("nowhere.wav"), files_.path("speech/gone.wav"));
-  EXPECT_EQ(SoundFolder::list(config.speech).files, (std::vector<std::string>{"a.wav", "b.wav", "linked/engine.wav", "other/c.wav"}));
+  EXPECT_EQ(SoundFolder::list(config.speech).files,
+            (std::vector<std::string>{"a.wav", "b.wav", "gone.wav", "linked/engine.wav", "other/c.wav"}));
   std::filesystem::create_directory_symlink(files_.path("speech"), files_.path("speech/other/back"));
   EXPECT_THAT(message_of<InputError>([&] { SoundFolder::list(config.speech); }), HasSubstr("look for a symbolic link that leads back"));
+}
+
+TEST_F(ConvolveCorpus, FoldersOfTextsThatCannotBeListedAreNamed) {
+  const SoundFolder gone{.root = files_.path("gone"), .files = {"a.wav"}};
+  EXPECT_THAT(message_of<InputError>([&] { Transcripts{gone}; }), HasSubstr("gone: cannot be listed: "));
 }
 
 TEST_F(ConvolveCorpus, OtherWordsAreAnotherCorpus) {

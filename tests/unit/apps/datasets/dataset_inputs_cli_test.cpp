@@ -131,6 +131,9 @@ TEST_F(DatasetInputsCli, TextsAreCleanAndListsOfLibriSpeechAreRead) {
     EXPECT_EQ(segment.contains("text") ? segment["text"].get<std::string>() : "-", texts("out").at(segment["custom"]["speech"]));
   write_text(path("speech/84/121123/84-121123.trans.txt"), "84-121123-0000 GO\n84-121123-0000 STAY\n");
   expect_refused(convolve("refused"), "84-121123.trans.txt:2: has a second text for 84-121123-0000", "refused");
+  // Lines are counted as an editor counts them, blank ones at the begin among them.
+  write_text(path("speech/84/121123/84-121123.trans.txt"), "\xEF\xBB\xBF\r\n\n84-121123-0000 GO\r\n\n84-121123-0000 STAY\n");
+  expect_refused(convolve("refused"), "84-121123.trans.txt:5: has a second text for 84-121123-0000", "refused");
   write_text(path("speech/84/121123/84-121123.trans.txt"), "84-121123-0000 caf\xE9\n");
   expect_refused(convolve("refused"), "84-121123.trans.txt: is not UTF-8 text", "refused");
 }
@@ -161,6 +164,12 @@ TEST_F(DatasetInputsCli, BadFilesAreNamedFirstOrLeftOutByARecord) {
          write_wav(file, noise_of(9, 400), 1, 8000);
          write_text(std::filesystem::path(file).replace_extension(".txt"), std::string("\xFF\xFEo\0n\0e\0", 8));
        }},
+      {"dangling.wav", [](const std::string& file) { std::filesystem::create_symlink("nowhere.wav", file); }},
+      {"lost.wav",
+       [](const std::string& file) {
+         write_wav(file, noise_of(9, 400), 1, 8000);
+         std::filesystem::create_symlink("nowhere.txt", std::filesystem::path(file).replace_extension(".txt"));
+       }},
       {"long.wav", [](const std::string& file) {
          write_wav(file, noise_of(9, 400), 1, 8000);
          write_text(std::filesystem::path(file).replace_extension(".txt"), std::string(70000, 'a'));
@@ -175,14 +184,15 @@ TEST_F(DatasetInputsCli, BadFilesAreNamedFirstOrLeftOutByARecord) {
     }
   }
   for (const auto& [name, write] : kinds) write(path("speech/" + name));
+  ASSERT_TRUE(std::filesystem::is_symlink(path("speech/dangling.wav")));
   const Outcome all = convolve("refused");
-  expect_refused(all, "12 bad input files: ", "refused");
-  EXPECT_THAT(all.text, HasSubstr("2 more"));
+  expect_refused(all, "14 bad input files: ", "refused");
+  EXPECT_THAT(all.text, HasSubstr("4 more"));
 
   // Left out, with a record; the corpus is that of the good files but for what corpus.json says.
   const Outcome first = convolve("skipped", "--skip-bad --signals-per-folder 1 --shard 1/2");
   ASSERT_EQ(first.exit_code, 0) << first.text;
-  EXPECT_THAT(first.text, HasSubstr("12 bad sound files are left out"));
+  EXPECT_THAT(first.text, HasSubstr("14 bad sound files are left out"));
   const std::string record = read_file(path("skipped/inputs.jsonl"));
   std::set<std::string> left_out, used;
   for (const auto& line : lines("skipped/inputs.jsonl")) {
@@ -233,6 +243,94 @@ TEST_F(DatasetInputsCli, NoiseIsOpenedFirstAndAPauseInItIsNotHeard) {
   for (const auto& line : lines("skipped/manifest.jsonl")) EXPECT_EQ(line["noise"]["sound"], "door.wav");
 }
 
+// Four channels, each with noise of its own from a file that is mostly a pause: all sound, and no two alike.
+TEST_F(DatasetInputsCli, ChannelsHaveNoiseOfTheirOwnAlsoFromAPause) {
+  const std::string channels = "--set channels=ambisonic:1:sn3d:ego ";
+  ASSERT_EQ(dataset("rir " + path("rir.yaml") + " " + channels + "--out " + path("wide")).exit_code, 0);
+  std::filesystem::create_directory(path("noise"));
+  std::vector<float> door(480000, 0.f);
+  std::ranges::copy(noise_of(3, 400), door.begin() + 200000);
+  write_wav(path("noise/door.wav"), door, 1, kRateHz);
+  ASSERT_EQ(dataset("convolve " + path("wide") + " --speech " + path("speech") + " --noise " + path("noise") +
+                    " --talkers 3 --stems --count 10 --snr 10,10 --out " + path("out"))
+                .exit_code,
+            0);
+  const auto manifest = lines("out/manifest.jsonl");
+  ASSERT_EQ(manifest.size(), 10u);
+  for (const auto& line : manifest) {
+    ASSERT_TRUE(line["noise"]["response"].is_null());
+    const auto all = corpus_cases::read_float_wav(read_file(path("out/" + line["noise"]["file"].get<std::string>()))).channels;
+    ASSERT_EQ(all.size(), 4u);
+    for (std::size_t a = 0; a < all.size(); ++a) {
+      ASSERT_GT(energy(all[a]), 0) << line;
+      for (std::size_t b = 0; b < a; ++b) {
+        double product = 0;
+        for (std::size_t i = 0; i < all[a].size(); ++i) product += static_cast<double>(all[a][i]) * static_cast<double>(all[b][i]);
+        // White noise of 400 samples and more against itself, shifted: five standard errors; alike it is 1.
+        EXPECT_LT(std::abs(product) / std::sqrt(energy(all[a]) * energy(all[b])), 0.25) << line << a << b;
+      }
+    }
+  }
+}
+
+// Noise far above the events: no channel is silent where it alone draws a pause.
+TEST_F(DatasetInputsCli, ChannelsOfSoundScenesAreJudgedByThemselves) {
+  for (const char* folder : {"talk", "noise"}) std::filesystem::create_directory(path(folder));
+  write_wav(path("talk/a.wav"), noise_of(5, 4000), 1, kRateHz);
+  std::vector<float> door(40000, 0.f);
+  std::ranges::copy(noise_of(4, 4000), door.begin() + 9000);
+  write_wav(path("noise/door.wav"), door, 1, kRateHz);
+  write_text(path("scenes.yaml"),
+             "shoeboxes: {count: 1}\nrecordings_per_room: 12\nduration_s: 1\nevent_s: [0.3, 0.5]\nmoving: 0\n"
+             "channels: ambisonic:1:sn3d:ego\nsnr_db: [-60, -60]\nclasses: {talk: " +
+                 path("talk") + "}\nnoise: " + path("noise") + "\nacoustics: {rays: 16, rir_length_s: 0.05, sample_rate_hz: 8000}\n");
+  const Outcome made = dataset("scenes " + path("scenes.yaml") + " --out " + path("made"));
+  ASSERT_EQ(made.exit_code, 0) << made.text;
+  for (const auto& line : lines("made/manifest.jsonl")) {
+    if (line["noise"].is_null()) continue;
+    const auto all = corpus_cases::read_float_wav(read_file(path("made/" + line["file"].get<std::string>()))).channels;
+    ASSERT_EQ(all.size(), 4u);
+    double loudest = 0;
+    for (const auto& channel : all) loudest = std::max(loudest, energy(channel));
+    // A channel without noise is 50 dB below those with it.
+    for (const auto& channel : all) EXPECT_GT(energy(channel), 1e-3 * loudest) << line["id"];
+  }
+}
+
+// A setting that differs is named at once: a bad file that was added since is not opened before.
+TEST_F(DatasetInputsCli, OtherSettingsAreRefusedBeforeFilesAreOpened) {
+  std::filesystem::create_directory(path("talk"));
+  write_wav(path("talk/a.wav"), noise_of(5, 4000), 1, kRateHz);
+  write_text(path("scenes.yaml"),
+             "shoeboxes: {count: 1}\nrecordings_per_room: 1\nduration_s: 1\nevent_s: [0.3, 0.5]\nmoving: 0\n"
+             "classes: {talk: " +
+                 path("talk") + "}\nacoustics: {rays: 16, rir_length_s: 0.05, sample_rate_hz: 8000}\n");
+  const auto scenes = [&](const std::string& more) { return dataset("scenes " + path("scenes.yaml") + " --out " + path("made") + more); };
+  ASSERT_EQ(convolve("out").exit_code, 0);
+  ASSERT_EQ(scenes("").exit_code, 0);
+  write_text(path("speech/page.wav"), "<html>404</html>");
+  write_text(path("talk/page.wav"), "<html>404</html>");
+  for (const auto& [more, key] : std::map<std::string, std::string>{{"--seed 2", "seed"},
+                                                                    {"--level -17,-16", "level_dbfs"},
+                                                                    {"--count 5", "signals"},
+                                                                    {"--noise synth", "noise"},
+                                                                    {"--stems", "stems"},
+                                                                    {"--skip-bad", "skip_bad"}}) {
+    const Outcome refused = convolve("out", more);
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_THAT(refused.text, HasSubstr("started with other settings: '" + key)) << more;
+  }
+  const Outcome refused = scenes(" --set duration_s=2");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.text, HasSubstr("started with other settings: 'duration_s: 1' there, 'duration_s: 2' here"));
+  // With the same settings the bad file is what is wrong, and without it the corpus is complete.
+  EXPECT_THAT(convolve("out").text, HasSubstr("1 bad input file: page.wav"));
+  EXPECT_THAT(scenes("").text, HasSubstr("talk/page.wav: "));
+  for (const char* file : {"speech/page.wav", "talk/page.wav"}) std::filesystem::remove(path(file));
+  EXPECT_EQ(convolve("out").exit_code, 0);
+  EXPECT_EQ(scenes("").exit_code, 0);
+}
+
 TEST_F(DatasetInputsCli, AnOutputWithinAnInputIsRefused) {
   std::filesystem::create_directory(path("noise"));
   write_wav(path("noise/n.wav"), noise_of(3, 800), 1, kRateHz);
@@ -252,7 +350,7 @@ TEST_F(DatasetInputsCli, AnOutputWithinAnInputIsRefused) {
 }
 
 TEST_F(DatasetInputsCli, SoundScenesOpenTheirFilesFirst) {
-  // A second of silence before the sound is longer than an event.
+  // 1.1 s of silence before the sound are longer than an event.
   std::vector<float> late(12000, 0.f);
   std::ranges::copy(noise_of(4, 2000), late.begin() + 9000);
   std::filesystem::create_directory(path("talk"));
@@ -265,7 +363,14 @@ TEST_F(DatasetInputsCli, SoundScenesOpenTheirFilesFirst) {
   };
   const Outcome made = scenes("made");
   ASSERT_EQ(made.exit_code, 0) << made.text;
-  for (const auto& line : lines("made/manifest.jsonl")) EXPECT_TRUE(line["level_dbfs"].is_number()) << line;
+  // Such a sound begins 5 ms before its loudest sample.
+  const std::size_t loudest =
+      static_cast<std::size_t>(std::ranges::max_element(late, {}, [](float sample) { return std::abs(sample); }) - late.begin());
+  std::size_t events = 0;
+  for (const auto& line : lines("made/manifest.jsonl")) {
+    EXPECT_TRUE(line["level_dbfs"].is_number()) << line;
+    for (const auto& event : line["events"]) EXPECT_EQ(event["start_sample"], loudest - kRateHz / 200) << ++events;
+  }
   write_text(path("talk/page.wav"), "<html>404</html>");
   expect_refused(scenes("refused"), "talk/page.wav: ", "refused");
   const Outcome skipped = scenes("skipped", "--skip-bad");

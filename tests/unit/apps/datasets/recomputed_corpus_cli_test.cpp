@@ -35,8 +35,15 @@ TEST_F(RecomputedCorpusCli, TheComparisonSeesWhatIsOff) {
     return compare("out");
   };
   EXPECT_EQ(change("start_sample", "1").times, 2u);
-  EXPECT_EQ(change("level_dbfs", "-20.001").levels, 1u);
-  EXPECT_EQ(change("snr_db", "-3.001").ratios, 1u);
+  // By 0.002 dB, twice what the comparison allows.
+  const auto apart = [&](const std::string& key) {
+    return fmt::format("{:.6f}", lines("out/manifest.jsonl").at(0).at(key).get<double>() + 0.002);
+  };
+  write_text(path("out/manifest.jsonl"), manifest);
+  EXPECT_EQ(change("level_dbfs", apart("level_dbfs")).levels, 1u);
+  write_text(path("out/manifest.jsonl"), manifest);
+  const double snr_db = lines("out/manifest.jsonl").at(0).at("noise").at("snr_db").get<double>();
+  EXPECT_EQ(change("snr_db", fmt::format("{:.6f}", snr_db + 0.002)).ratios, 1u);
   EXPECT_EQ(change("text", "\"WORDS\"").texts, 1u);
   EXPECT_GE(change("num_samples", "3").lengths, 1u);
   EXPECT_EQ(change("gain", "0.001").times, 1u);
