@@ -230,7 +230,7 @@ TEST(LocallyReacting, FieldsAgreeWithRays) {
   }
 }
 
-// Default unchanged: materials without an angle keep their bits beside one that has it, and swapped ends have the same energies.
+// Swapped ends have the same arrivals with the same amplitudes.
 TEST(LocallyReacting, EitherDirectionHasTheSameEnergy) {
   for (std::uint32_t number = 0; number < 10; ++number) {
     const MirrorBox box(80 + number);
