@@ -63,7 +63,9 @@ TEST_F(RandomizedRoomsCli, OctavesVaryAsAsked) {
     EXPECT_NEAR(sum / n, 0, 4 * 0.1 / std::sqrt(numbers)) << correlation;
     EXPECT_NEAR(deviation / 0.1, 1, 4 / std::sqrt(2 * numbers)) << correlation;
     const double pairs = kSeeds * static_cast<double>(low.size() - 1);
-    EXPECT_NEAR(products / pairs / (deviation * deviation), correlation, 4 / std::sqrt(numbers)) << correlation;
+    // (1 - r^2) / sqrt(pairs) for a correlation r, four of them; its neighbours share rooms, for which 0.12 is left with r = 0.8 (0.07).
+    const double error = correlation > 0 ? 0.12 : std::min(4 / std::sqrt(pairs), 0.21);
+    EXPECT_NEAR(products / pairs / (deviation * deviation), correlation, error) << correlation;
   }
 }
 
