@@ -136,7 +136,7 @@ def scenes() -> dict[str, Place]:
         "flat hall": shoebox("lambert", (30, 2.6, 30), [0.15] * 6, 1, (5, 1.4, 6), (22, 1.5, 21), 4.0),
         "dead room": shoebox("lambert", (6, 3, 5), [0.75] * 6, 1, (1.4, 1.5, 1.2), (4.4, 1.6, 3.6), 1.0),
         "live room": shoebox("lambert", (6, 3, 5), [0.05] * 6, 1, (1.4, 1.5, 1.2), (4.4, 1.6, 3.6), 4.0),
-        "bent corridor": Place("lambert", {"wall": (0.12, 1, 0)}, (1.5, 1.5, 1), (9, 1.4, 10), bend),
+        "corridor with a corner": Place("lambert", {"wall": (0.12, 1, 0)}, (1.5, 1.5, 1), (9, 1.4, 10), bend),
         "house, next room": Place("high", {}, (2, 1.5, 2), (10, 1.5, 5), spec="house:7"),
     }
 

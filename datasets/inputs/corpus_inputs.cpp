@@ -101,9 +101,10 @@ CorpusInputs::CorpusInputs(std::vector<InputFile> files, const std::filesystem::
   std::size_t number = 0;
   for (std::size_t i = 0; i < files_.size(); ++i) {
     if (checked_[i].reason.empty() || ++number > kMostNamed) continue;
-    std::string reason = checked_[i].reason;
-    if (reason.starts_with(files_[i].name)) reason.replace(0, files_[i].name.size(), files_[i].path.string());
-    named += (named.empty() ? "" : " | ") + reason;
+    // Reasons begin with the name of a sound or of its text, which the record gives without the folder.
+    std::string folder = files_[i].path.string();
+    folder.resize(folder.ends_with(files_[i].name) ? folder.size() - files_[i].name.size() : 0);
+    named += (named.empty() ? "" : " | ") + folder + checked_[i].reason;
   }
   if (number > kMostNamed) named += fmt::format(" | {} more", number - kMostNamed);
   throw InputError(fmt::format("{} bad input file{}", number, number == 1 ? "" : "s"), named,

@@ -10,6 +10,7 @@
 
 #include "envs/hearing/finite_values.h"
 #include "envs/hearing/same_bits.h"
+#include "sim/acoustics/model/diffraction_budget.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/acoustics/synthesis/synthesis_tables.h"
 #include "sim/base/files.h"
@@ -46,7 +47,8 @@ void SourceHearing::begin(const PlayedSound& played) {
   silent_ = played.sound->oversampled.silent();
   gliding_.forget();
   has_response_ = response_is_new_ = has_rir_ = fades_ = false;
-  if (played.source) response_.arrivals.reserve(played.source->candidates.size() + 1);  // direct sound and every image: no step allocates
+  // Direct sound, every image and the waves of panels: no step allocates.
+  if (played.source) response_.arrivals.reserve(played.source->candidates.size() + 1 + DiffractionBudget::kMostPanels);
   carrier_key_ = carrier_key(scene().scene->hash(), played.moving ? played.moving->home() : played.source->candidates.source());
 }
 

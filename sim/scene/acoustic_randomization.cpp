@@ -51,8 +51,7 @@ std::vector<float> knots_of(const Material& material) {
       if (!is_in_step) knots.push_back(hz);
     }
   std::ranges::sort(knots);
-  const auto repeated = std::ranges::unique(knots);
-  knots.erase(repeated.begin(), repeated.end());
+  knots.erase(std::unique(knots.begin(), knots.end()), knots.end());
   return knots;
 }
 

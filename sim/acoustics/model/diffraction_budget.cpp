@@ -12,7 +12,7 @@ DiffractionBudget::DiffractionBudget(const AcousticConfig& config) {
   expansions = automatic ? std::clamp(config.rays / 2, 16, 512) : 512;
   paths = automatic ? std::min(config.diffraction_paths, std::max(4, config.rays / 8)) : config.diffraction_paths;
   near_boundary_only = quick = automatic && config.rays < 512;
-  panels = quick ? 6 : 16;
+  panels = quick ? 6 : kMostPanels;
   reflections = config.diffraction_reflections > 0;
   attempts = quick ? std::max(config.rays, 16) : sequences;
 }

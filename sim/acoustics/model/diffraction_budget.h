@@ -22,8 +22,9 @@ struct DiffractionBudget {
   bool near_boundary_only = false;  ///< in line of sight: of shadow boundaries only
   int attempts = 0;                 ///< paths per pose that pass the estimate and are worked out: one per ray with fewer than 512 rays
   bool reflections = false;         ///< paths with a reflection on either side of their edges (edge_reflections.h)
-  std::size_t panels = 0;           ///< in the air that have waves to every side: 16, or 6 if `quick` (early_reflections.h)
-  bool quick = false;  ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
+  static constexpr std::size_t kMostPanels = 16;
+  std::size_t panels = 0;  ///< in the air that have waves to every side: kMostPanels, or 6 if `quick` (early_reflections.h)
+  bool quick = false;      ///< with fewer than 512 rays: one point of an edge, not five, decides whether it is visible from the listener
 };
 
 }  // namespace earshot

@@ -205,8 +205,8 @@ void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls)
       if (shared) {
         // One mirror up to an eighth of a wave, none from a quarter on: as image paths share a fold between it and its planes.
         const double waves = 2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi);
-        const double fold_share = boundary_weight(2.0 * waves);
-        weight *= is_fold ? fold_share : 1.0 - fold_share;
+        const double fold_weight = boundary_weight(2.0 * waves);
+        weight *= is_fold ? fold_weight : 1.0 - fold_weight;
       }
       wall.weight[band] = weight;
     }
@@ -246,11 +246,11 @@ WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const 
       const double distance_m = glm::length(way);
       const glm::dvec3 target = walls.point - way;
       if (distance_m > reach_m_ || !holds(*first.plane, target) || !holds(*second.plane, target)) continue;
-      const double share = 2.0 * std::numbers::pi / edge_rad - 3.0;
+      const double edge_weight = 2.0 * std::numbers::pi / edge_rad - 3.0;
       std::array<double, kMaxBands> added;
       double most = 0;
       for (std::size_t band = 0; band < num_bands_; ++band) {
-        added[band] = share * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
+        added[band] = edge_weight * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
         most = std::max(most, std::abs(added[band]));
       }
       if (most < least_effect_ || !is_visible(target)) continue;

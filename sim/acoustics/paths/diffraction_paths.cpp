@@ -9,7 +9,6 @@
 #include <numbers>
 #include <span>
 #include <tuple>
-#include <utility>
 
 #include "sim/acoustics/paths/edge_growth.h"
 #include "sim/acoustics/paths/edge_reflections.h"
@@ -33,18 +32,6 @@ double estimate_loss_db(double speed_m_per_s, glm::dvec3 before, glm::dvec3 at, 
 
 glm::dvec3 mirror(glm::dvec3 point, const DiffractionEdge& edge, glm::dvec3 normal) {
   return point - 2.0 * glm::dot(point - edge.start, normal) * normal;
-}
-
-/// Amplitude and phase of the bands of a group.  Returns whether any is above 0.
-bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distance_m, Arrival& arrival) {
-  const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
-  bool is_audible = false;
-  for (int lane = 0; lane < bands.count; ++lane) {
-    arrival.amplitude[bands.first + lane] = amplitude[lane];
-    arrival.phase_rad[bands.first + lane] = phase[lane];
-    is_audible = is_audible || amplitude[lane] > 0.f;
-  }
-  return is_audible;
 }
 
 /// Does the face, which goes on for `width_m` from the edge, end before the point of reflection in its plane?

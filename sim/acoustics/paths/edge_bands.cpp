@@ -33,4 +33,15 @@ std::vector<EdgeBands> edge_bands(const AcousticScene& scene) {
   return groups;
 }
 
+bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distance_m, Arrival& arrival) {
+  const Lanes amplitude = root_of(norm(ratio)) * bands.free_path(distance_m), phase = argument(ratio);
+  bool is_audible = false;
+  for (int lane = 0; lane < bands.count; ++lane) {
+    arrival.amplitude[bands.first + lane] = amplitude[lane];
+    arrival.phase_rad[bands.first + lane] = phase[lane];
+    is_audible = is_audible || amplitude[lane] > 0.f;
+  }
+  return is_audible;
+}
+
 }  // namespace earshot

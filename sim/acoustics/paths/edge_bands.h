@@ -5,6 +5,7 @@
 #include <numbers>
 #include <vector>
 
+#include "sim/acoustics/core/arrival.h"
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/paths/band_lanes.h"
 
@@ -35,5 +36,8 @@ struct EdgeBands {
 
 /// All bands of a scene, low to high.
 std::vector<EdgeBands> edge_bands(const AcousticScene& scene);
+
+/// Sets amplitude and phase of the bands of a group, from the pressure over that of a free path.  Returns whether any is above 0.
+bool set_bands(const EdgeBands& bands, const ComplexLanes& ratio, double distance_m, Arrival& arrival);
 
 }  // namespace earshot

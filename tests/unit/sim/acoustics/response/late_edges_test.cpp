@@ -63,12 +63,16 @@ TEST(LateEdges, NarrowsWithTheRootOfTheWavelength) {
 
 TEST(LateEdges, SourceAndListenerSwap) {
   const Doors doors(0.9);
+  double sum = 0;
   for (std::uint32_t number = 0; number < 10; ++number) {
     const glm::vec3 a = drawn_place(number, 0, 0.5, 3.5), b = drawn_place(number, 1, 4.5, 7.5);
     const LateEdges there = late_edges(doors.scene, a, b), back = late_edges(doors.scene, b, a);
     // Two estimates of one number, each with a standard error of about a tenth to a sixth.
     EXPECT_NEAR(back.fraction[0] / there.fraction[0], 1, 0.8) << number;
+    sum += std::log(back.fraction[0] / there.fraction[0]);
   }
+  // Of ten pairs: a standard error of about 0.2 / sqrt(10) = 0.07.
+  EXPECT_NEAR(sum / 10, 0, 0.25);
 }
 
 // Behind a screen in the open, with a wall on the side of the source: nothing of what that wall sends back gets to the listener but round

@@ -20,14 +20,14 @@ struct Errors {
   double squares = 0;
   std::array<double, kOctaves> worst_sum_db{};
   int count = 0, within_1_db = 0;
-  /// Sectors in front of all sheets, that have some share of the energy.
-  void add(const Structure& structure, const SectorEnergy& found, const SectorEnergy& truth, int octaves, double least_share) {
+  /// Sectors in front of all sheets, that have a fraction of the energy.
+  void add(const Structure& structure, const SectorEnergy& found, const SectorEnergy& truth, int octaves, double least_fraction) {
     for (std::size_t octave = 0; octave < static_cast<std::size_t>(octaves); ++octave) {
       double sum = 0, true_sum = 0;
       for (const double e : truth[octave]) true_sum += e;
       for (std::size_t sector = 0; sector < kSectors; ++sector) {
         sum += found[octave][sector];
-        if (truth[octave][sector] < least_share * true_sum || !in_front(structure, static_cast<int>(sector))) continue;
+        if (truth[octave][sector] < least_fraction * true_sum || !in_front(structure, static_cast<int>(sector))) continue;
         const double db = level_db(found[octave][sector] / truth[octave][sector]);
         squares += db * db;
         ++count;

@@ -34,11 +34,13 @@ Sample bidirectional(const std::shared_ptr<const Scene>& rooms, glm::vec3 source
       6, config, [&](const AcousticConfig& seeded) { return rooms::total_energy(effects::render(rooms, seeded, source, listener).late); });
 }
 
+/// Within three errors and the blur, and within 0.8 dB whatever the errors are.
 void expect_same(const char* what, double tau, const Sample& found, const Sample& expected, double blur) {
   const double error = std::hypot(found.standard_error, expected.standard_error);
   std::printf("%s, tau %.3f: %.4g +- %.2g, from both ends %.4g +- %.2g\n", what, tau, found.mean, found.standard_error, expected.mean,
               expected.standard_error);
   EXPECT_NEAR(found.mean, expected.mean, 3 * error + blur * expected.mean) << what << tau;
+  EXPECT_LT(std::abs(10 * std::log10(found.mean / expected.mean)), 0.8) << what << tau;
   EXPECT_LT(error, 0.15 * expected.mean) << what << tau;  // a factor of 2 would show
 }
 
