@@ -20,6 +20,7 @@ from flat_memory import resets, scenes
 
 import earshot
 from earshot import _html
+from earshot._wav import wav
 
 Make = Callable[..., dict[str, Any]]
 VOID = {"br", "img"}
@@ -101,7 +102,7 @@ def test_pictures_and_sounds_are_files(response: earshot.Response) -> None:
     lines = np.frombuffer(zlib.decompress(picture[41 : 41 + length]), np.uint8).reshape(3, 5)
     assert np.array_equal(lines[:, 1:], pixels)
     rir = response.render()
-    sound = _html.wav(rir, 16000)
+    sound = wav(_html.audible(rir), 16000)
     assert struct.unpack("<I", sound[4:8])[0] == len(sound) - 8
     assert np.frombuffer(sound[44:], "<i2").reshape(-1, 2).shape == rir.T.shape
     assert base64.b64decode(_html.inline("audio/wav", sound).partition(",")[2]) == sound
