@@ -35,6 +35,10 @@ class Rectangle:
             points.append((point[0], point[1], point[2]))
         return points
 
+    def holds(self, at_u: np.ndarray, at_v: np.ndarray) -> np.ndarray:
+        """Whether places in its plane, along the two other axes, are on it."""
+        return (at_u >= self.low[0]) & (at_u <= self.high[0]) & (at_v >= self.low[1]) & (at_v <= self.high[1])
+
 
 def box(low: Point, high: Point, kinds: list[str]) -> list[Rectangle]:
     """Six walls; kinds: of x = low, x = high, and so on.  An empty kind leaves a wall out."""
@@ -217,14 +221,7 @@ class LambertTracer:
             with np.errstate(divide="ignore", invalid="ignore"):
                 t = (sheet.place - origin[:, a]) / direction[:, a]
                 at_u, at_v = origin[:, u] + t * direction[:, u], origin[:, v] + t * direction[:, v]
-            hit = (
-                (t > 1e-7)
-                & (t < nearest)
-                & (at_u >= sheet.low[0])
-                & (at_u <= sheet.high[0])
-                & (at_v >= sheet.low[1])
-                & (at_v <= sheet.high[1])
-            )
+            hit = (t > 1e-7) & (t < nearest) & sheet.holds(at_u, at_v)
             nearest, which = np.where(hit, t, nearest), np.where(hit, number, which)
         return nearest, which
 
@@ -236,14 +233,7 @@ class LambertTracer:
             with np.errstate(divide="ignore", invalid="ignore"):
                 t = (sheet.place - start[:, a]) / whole[:, a]
                 at_u, at_v = start[:, u] + t * whole[:, u], start[:, v] + t * whole[:, v]
-            hit = (
-                (t > 1e-6)
-                & (t < 1 - 1e-6)
-                & (at_u >= sheet.low[0])
-                & (at_u <= sheet.high[0])
-                & (at_v >= sheet.low[1])
-                & (at_v <= sheet.high[1])
-            )
+            hit = (t > 1e-6) & (t < 1 - 1e-6) & sheet.holds(at_u, at_v)
             fraction = np.where(hit, fraction * self.tau[number], fraction)
         return fraction
 
