@@ -24,7 +24,7 @@ struct MeasureArguments {
   std::optional<int> channel, lateral_channel;
   std::optional<double> direct_delay_s, distance_m;
   ParameterOptions parameters;
-  bool is_green = false;
+  bool is_green = false, without_noise = false;
 };
 
 std::span<const float> channel_of(const SoundChannels& sound, int channel, const std::string& option, const std::string& file) {
@@ -58,6 +58,7 @@ RirMeasurement reading_of(const MeasureArguments& options) {
   else
     throw InputError("--bands", "'" + options.bands + "' is not a kind of bands", "use octaves or third_octaves");
   how.is_green = options.is_green;
+  how.without_noise = options.without_noise;
   how.distance_m = options.distance_m;
   return how;
 }
@@ -192,6 +193,8 @@ void add_measure(CLI::App& app) {
                    "Sound file with the response of the same source and microphone at 10 m in a free field, one channel (for G and LG)")
       ->type_name("FILE");
   command->add_flag("--green", options->is_green, "The samples are in Green units, as 'earshot rir' writes them (for G and LG)");
+  command->add_flag("--without-noise", options->without_noise,
+                    "Put the decay of each band in the place of the noise at the end of the record, for decay times, clarity and levels");
   command->add_option("--distance", options->distance_m, "Distance of the source in metres (for stage; default: 1)");
   command->callback([options] { run_measure(*options); });
 }

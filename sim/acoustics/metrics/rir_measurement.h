@@ -26,6 +26,7 @@ struct RirMeasurement {
   std::span<const float> reference_10m{};
   bool is_green = false;                            ///< the samples are known to be in Green units
   std::optional<double> distance_m = std::nullopt;  ///< of the source, for stage parameters; nullopt: taken as 1 m
+  bool without_noise = false;  ///< the noise at the end of a record gives way to the decay before it, band by band (noise_tail.h)
 };
 
 /// What messages call the parts of a measurement.

@@ -6,6 +6,7 @@
 #include "sim/acoustics/core/bands.h"
 #include "sim/acoustics/metrics/band_analysis.h"
 #include "sim/acoustics/metrics/interaural.h"
+#include "sim/acoustics/metrics/noise_tail.h"
 #include "sim/acoustics/metrics/onset.h"
 #include "sim/acoustics/metrics/room_metrics.h"
 #include "sim/acoustics/metrics/signal_energy.h"
@@ -51,6 +52,13 @@ void add_requested(const RirMeasurement& how, const BandSignals& signals, double
   if (how.request.stage) add_stage_support(all, missing, band);
 }
 
+void leave_out_noise(BandSignals& signals) {
+  const std::optional<NoiseCut> cut = find_noise(signals.whole, kMeasuredBinS);
+  if (!cut) return;
+  replace_noise(*cut, signals.whole);
+  replace_noise(*cut, signals.after_direct);
+}
+
 double onset_s(std::span<const float> samples, double rate) { return static_cast<double>(find_onset(samples, rate).value_or(0)) / rate; }
 
 }  // namespace
@@ -74,7 +82,8 @@ RoomMetrics measure(std::span<const float> rir, float sample_rate_hz, const RirM
     of_reference.emplace(how.reference_10m, std::span<const float>{}, bands, half_width_of(how.bands), rate, 0.0);
   std::vector<std::vector<double>> whole;
   for (int band = 0; band < bands.size(); ++band) {
-    const BandSignals signals = analysis.filter_band(band);
+    BandSignals signals = analysis.filter_band(band);
+    if (how.without_noise) leave_out_noise(signals);
     if (how.request.speech) whole.push_back(signals.whole);
     BandMetrics& of_band = metrics.bands.emplace_back();
     if (signals.after_direct.empty()) continue;
