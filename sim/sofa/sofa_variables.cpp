@@ -61,7 +61,7 @@ std::string SofaVariable::shape() const {
   return text.empty() ? "a scalar" : text;
 }
 
-SofaFile::SofaFile(const std::filesystem::path& path) : where_(path.string()) {
+SofaFile::SofaFile(const std::filesystem::path& path, std::string remedy) : where_(path.string()), remedy_(std::move(remedy)) {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are thrown, not printed
   H5PLset_loading_state(0);                     // a file must not choose code that is loaded
   std::error_code error;
@@ -75,7 +75,7 @@ SofaFile::~SofaFile() {
   if (file_ >= 0) H5Fclose(file_);
 }
 
-InputError SofaFile::refuse(const std::string& problem) const { return {where_, problem, "use a FreeFieldDirectivityTF SOFA file"}; }
+InputError SofaFile::refuse(const std::string& problem) const { return {where_, problem, remedy_}; }
 
 std::string SofaFile::attribute(const std::string& name) const { return text_attribute(file_, name); }
 
@@ -116,6 +116,25 @@ std::optional<SofaVariable> SofaFile::find(const std::string& name) const {
 SofaVariable SofaFile::get(const std::string& name) const {
   if (auto found = find(name)) return *std::move(found);
   throw refuse("has no " + name);
+}
+
+void require_convention(const SofaFile& file, std::initializer_list<std::string_view> conventions, const char* kind,
+                        std::string_view data_type) {
+  if (file.attribute("Conventions") != "SOFA") throw file.refuse("is HDF5, but no SOFA file: the attribute Conventions is not SOFA");
+  const std::string convention = file.attribute("SOFAConventions");
+  if (std::ranges::find(conventions, convention) == conventions.end())
+    throw file.refuse(fmt::format("follows the SOFA convention '{}', which is not that of {}", convention, kind));
+  if (const std::string type = file.attribute("DataType"); type != data_type)
+    throw file.refuse(fmt::format("has DataType '{}' instead of {}", type, data_type));
+}
+
+void require_emitter_at_source(const SofaFile& file) {
+  constexpr double off_origin_m = 1e-3;
+  const std::optional<SofaVariable> emitter = file.find("EmitterPosition");
+  if (!emitter) return;
+  if (emitter->size.size() > 1 && emitter->size[0] > 1) throw file.refuse("has several emitters: write one source into a file of its own");
+  for (const double value : emitter->values)
+    if (std::abs(value) > off_origin_m) throw file.refuse("has an EmitterPosition off the origin of the source");
 }
 
 }  // namespace earshot

@@ -4,8 +4,10 @@
 #include <hdf5.h>
 
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sim/base/errors.h"
@@ -25,8 +27,8 @@ struct SofaVariable {
 /// A SOFA file (netCDF-4, so HDF5) open for reading.  HDF5 can crash on damaged files: only for a process of its own.
 class SofaFile {
  public:
-  /// Throws InputError naming the file if it cannot be opened, is damaged or no HDF5.
-  explicit SofaFile(const std::filesystem::path& path);
+  /// remedy: of what is refused.  Throws InputError naming the file if it cannot be opened, is damaged or no HDF5.
+  SofaFile(const std::filesystem::path& path, std::string remedy);
   ~SofaFile();
   SofaFile(const SofaFile&) = delete;
   SofaFile& operator=(const SofaFile&) = delete;
@@ -41,8 +43,14 @@ class SofaFile {
   [[nodiscard]] SofaVariable get(const std::string& name) const;
 
  private:
-  std::string where_;
+  std::string where_, remedy_;
   hid_t file_ = H5I_INVALID_HID;
 };
+
+/// Throws InputError unless the file follows one of these conventions, of `kind`, with this DataType.
+void require_convention(const SofaFile& file, std::initializer_list<std::string_view> conventions, const char* kind,
+                        std::string_view data_type);
+/// Throws InputError for several emitters, and for one off the origin of the source.
+void require_emitter_at_source(const SofaFile& file);
 
 }  // namespace earshot
