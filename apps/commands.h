@@ -13,6 +13,8 @@ void add_scene(CLI::App& app);
 void add_materials(CLI::App& app);
 void add_rir(CLI::App& app);
 void add_measure(CLI::App& app);
+void add_validate(CLI::App& app);
+void add_fit_materials(CLI::App& app);
 void add_render(CLI::App& app);
 void add_walk(CLI::App& app);
 void add_dataset(CLI::App& app);

@@ -14,6 +14,8 @@ int main(int argc, char** argv) {
   earshot::add_materials(program.app());
   earshot::add_rir(program.app());
   earshot::add_measure(program.app());
+  earshot::add_validate(program.app());
+  earshot::add_fit_materials(program.app());
   earshot::add_render(program.app());
   earshot::add_walk(program.app());
   earshot::add_dataset(program.app());

@@ -23,6 +23,8 @@ int run(int argc, char** argv) {
   earshot::add_materials(app);
   earshot::add_rir(app);
   earshot::add_measure(app);
+  earshot::add_validate(app);
+  earshot::add_fit_materials(app);
   earshot::add_render(app);
   earshot::add_walk(app);
   earshot::add_dataset(app);

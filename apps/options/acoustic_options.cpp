@@ -28,10 +28,8 @@ std::string settings_help() {
 }  // namespace
 
 void AcousticOptions::add_to(CLI::App& command, const std::string& default_preset) {
-  preset = default_preset;
   scene.add_to(command);
-  command.add_option("--preset", preset, "Quality preset: fast (training), balanced or high (reference)")->capture_default_str();
-  command.add_option("--set", settings, settings_help());
+  add_settings_to(command, default_preset);
   command
       .add_option("--channels", channels,
                   "Listener: " + std::string(kListenerLayouts) +
@@ -44,6 +42,12 @@ void AcousticOptions::add_to(CLI::App& command, const std::string& default_prese
       ->delimiter(',')
       ->expected(3);
   scene.add_simplify_to(command);
+}
+
+void AcousticOptions::add_settings_to(CLI::App& command, const std::string& default_preset) {
+  preset = default_preset;
+  command.add_option("--preset", preset, "Quality preset: fast (training), balanced or high (reference)")->capture_default_str();
+  command.add_option("--set", settings, settings_help());
   command.add_option("--rate", rate_hz, "Sample rate in Hz, 8000 to 96000 (default: the preset's)");
   command.add_option("--seed", seed, "Random seed; the same seed gives the same bits");
 }

@@ -30,6 +30,8 @@ struct AcousticOptions {
   std::optional<std::string> accuracy;  ///< as AccuracyTarget::parse reads it; none: the preset decides
 
   void add_to(CLI::App& command, const std::string& default_preset);
+  /// --preset, --set, --rate and --seed alone.
+  void add_settings_to(CLI::App& command, const std::string& default_preset);
   /// --accuracy, for commands that plan with it.
   void add_accuracy_to(CLI::App& command);
   /// Throws InputError for a --set of one of these keys: a setting that changes nothing is an error.

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <set>
 
+#include "datasets/measured/measured_room.h"
 #include "datasets/sound_scene_config.h"
 #include "envs/config/batch_config.h"
 #include "evaluation/leaderboard/benchmark.h"
@@ -76,6 +77,8 @@ std::vector<ConfigKind> config_reference() {
        with_version(keys_of<RirCorpusConfig>())},
       {"recording corpus", "Recordings of sound scenes with labels, read by earshot dataset scenes; configs/datasets/scenes.yaml.",
        with_version(keys_of<SoundSceneConfig>())},
+      {"measured room", "Places of measured responses, read by earshot validate and fit-materials; configs/measured.",
+       with_version(places_keys())},
       {"microphone array", "Microphones of --channels array:FILE (YAML or JSON).", with_version(ListenerLayout::keys())},
       {"directivity balloon", "A measured directional pattern of a source or microphone (YAML or JSON).",
        with_version(Directivity::balloon_keys())},
