@@ -14,12 +14,33 @@ import numpy as np
 import soundfile
 import yaml
 
-from .errors import word_errors
-from .speech import Clip, DataError, resample, sentences
+from .errors import Outcome, paired_difference, word_errors
+from .speech import Clip, DataError, read, resample, sentences, synthesized_sentences
 from .table import write_atomically
 
 RATE_HZ = 16000
 MEL_BANDS, CEPSTRA = 26, 13
+
+# Sentences of CMU ARCTIC by their number.
+ARCTIC = {
+    "a0001": "author of the danger trail philip steels etc",
+    "a0002": "not at this particular case tom apologized whittemore",
+    "a0004": "lord but i'm glad to see you again phil",
+}
+SPOKEN = (
+    "please close the window before you leave the room",
+    "the train to the city stops here every hour",
+    "she put the old clock back on the kitchen shelf",
+    "we walked along the river until it was dark",
+    "nobody heard the phone ring in the garden",
+    "he paid for two cups of coffee and a small cake",
+    "the children built a tall house of paper and wood",
+    "turn left at the church and follow the narrow road",
+    "it rained all morning so the game was called off",
+    "my brother reads the news while he eats breakfast",
+    "the doctor asked her to come back on monday",
+    "a cold wind blew through the open door",
+)
 
 Recognize = Callable[[np.ndarray], str]
 
@@ -61,7 +82,7 @@ def words(text: str) -> list[str]:
 
 
 def cepstra(samples: np.ndarray) -> np.ndarray:
-    """Mel cepstra without the level, a frame every 10 ms."""
+    """Mel cepstra of the log magnitude without the level, a frame every 10 ms."""
     frames = np.lib.stride_tricks.sliding_window_view(np.pad(samples, 200), 400)[::160] * np.hanning(400)
     power = np.abs(np.fft.rfft(frames, 512)) ** 2
     hz = np.linspace(0, RATE_HZ / 2, power.shape[1])
@@ -72,7 +93,7 @@ def cepstra(samples: np.ndarray) -> np.ndarray:
     )
     levels = np.log(power @ filters.T + 1e-9)
     k = np.arange(1, CEPSTRA + 1)[:, None]
-    return levels @ np.cos(np.pi * k * (np.arange(MEL_BANDS) + 0.5) / MEL_BANDS).T * np.sqrt(2 / MEL_BANDS)
+    return levels @ np.cos(np.pi * k * (np.arange(MEL_BANDS) + 0.5) / MEL_BANDS).T / (2 * MEL_BANDS)
 
 
 def cepstral_distance_db(a: np.ndarray, b: np.ndarray) -> float:
@@ -134,11 +155,17 @@ def simulated(
 
 
 def all_sentences(arguments: argparse.Namespace) -> list[Clip]:
-    folder = arguments.speech or (arguments.data / "speech/librivox" if arguments.data else None)
-    clips = sentences(folder) if folder else []
-    if not clips:
-        raise DataError("no sentences with texts: give --data DIR or --speech DIR")
-    return clips
+    """Those of --speech; else the recorded ones of --data, and synthesized ones for more words."""
+    if arguments.speech:
+        clips = sentences(arguments.speech)
+        if not clips:
+            raise DataError(f"{arguments.speech}: holds no sentences with texts in the layout of LibriSpeech")
+        return clips
+    clips = sentences(arguments.data / "speech/librivox")
+    for path in sorted((arguments.data / "audio").glob("cmu_arctic_*.wav")):
+        if text := ARCTIC.get(path.stem[-5:]):
+            clips.append(Clip(read(path, RATE_HZ), (), path.stem.split("_")[3], text))
+    return clips + synthesized_sentences(SPOKEN, RATE_HZ)
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -170,22 +197,32 @@ def run(arguments: argparse.Namespace) -> str:
         pairs = [(played(c.samples, measured[i]), played(c.samples, made[i])) for c in clips]
         row["cepstral_distance_db"] = float(np.mean([cepstral_distance_db(a, b) for a, b in pairs]))
         rows.append(row)
+    gaps = {}
     for name in names:
         recognize = RECOGNIZERS[name]()
-        said = sum(len(words(clip.text)) for clip in clips)
+        said = np.array([len(words(clip.text)) for clip in clips])
         clean = sum(word_errors(words(clip.text), words(recognize(clip.samples))) for clip in clips)
+        counts = {
+            side: np.array(
+                [[word_errors(words(c.text), words(recognize(played(c.samples, response)))) for c in clips] for response in responses]
+            )
+            for side, responses in (("measured", measured), ("simulated", made))
+        }
         for i, row in enumerate(rows):
-            row[name] = {"clean": 100 * clean / said}
-            for side, response in (("measured", measured[i]), ("simulated", made[i])):
-                errors = sum(word_errors(words(clip.text), words(recognize(played(clip.samples, response)))) for clip in clips)
-                row[name][side] = 100 * errors / said  # type: ignore[index]
-    text = text_of(rows, names, len(clips))
-    write_atomically(arguments.out / "rooms.json", json.dumps(rows, indent=1).encode())
+            row[name] = {side: 100 * float(errors[i].sum() / said.sum()) for side, errors in counts.items()}
+        place = np.repeat(np.arange(len(places)), len(clips))
+        outcomes = {
+            side: Outcome(errors.reshape(1, -1), np.tile(said, len(places)), place, np.tile(np.arange(len(clips)), len(places)))
+            for side, errors in counts.items()
+        }
+        gaps[name] = {"clean": 100 * clean / float(said.sum()), "gap": paired_difference(outcomes["simulated"], outcomes["measured"])}
+    text = text_of(rows, names, len(clips), gaps)
+    write_atomically(arguments.out / "rooms.json", json.dumps({"places": rows, "recognizers": gaps}, indent=1).encode())
     write_atomically(arguments.out / "rooms.md", text.encode())
     return text
 
 
-def text_of(rows: list[dict[str, object]], names: list[str], clips: int) -> str:
+def text_of(rows: list[dict[str, object]], names: list[str], clips: int, gaps: dict[str, dict[str, object]]) -> str:
     """Measured / simulated, place by place."""
 
     def pair(row: dict[str, object], key: str, digits: int) -> str:
@@ -206,7 +243,9 @@ def text_of(rows: list[dict[str, object]], names: list[str], clips: int) -> str:
         cells += [f"{row[name]['measured']:.1f} / {row[name]['simulated']:.1f}" for name in names]  # type: ignore[index]
         lines.append("| " + " | ".join(cells) + " |")
     for name in names:
-        gap = np.mean([row[name]["simulated"] - row[name]["measured"] for row in rows])  # type: ignore[index]
-        clean = rows[0][name]["clean"]  # type: ignore[index]
-        lines.append(f"\n{name}: {clean:.1f} % clean; simulated less measured {gap:+.1f} points in the mean over places")
+        gap, low, high = gaps[name]["gap"]  # type: ignore[misc]
+        lines.append(
+            f"\n{name}: {gaps[name]['clean']:.1f} % clean; simulated less measured {gap:+.1f} points, "
+            f"95 % over places and sentences {low:+.1f} to {high:+.1f}"
+        )
     return "\n".join(lines) + "\n"

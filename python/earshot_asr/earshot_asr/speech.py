@@ -97,6 +97,20 @@ def synthesized_words(vocabulary: tuple[str, ...], voices: int = 12) -> Speech:
     return Speech("synthesized words", vocabulary, train, test, synthesized=True)
 
 
+def synthesized_sentences(texts: tuple[str, ...], rate_hz: int) -> list[Clip]:
+    """By espeak-ng, voices in turn; none where it is missing."""
+    if shutil.which("espeak-ng") is None:
+        return []
+    clips = []
+    with tempfile.TemporaryDirectory() as folder:
+        wav = pathlib.Path(folder) / "sentence.wav"
+        for i, text in enumerate(texts):
+            voice = ("en-us+m3", "en-us+f2", "en-gb+m1", "en-gb+f4")[i % 4]
+            subprocess.run(["espeak-ng", "-v", voice, "-s", "150", "-w", str(wav), text], check=True, capture_output=True)
+            clips.append(Clip(read(wav, rate_hz), (), voice, text))
+    return clips
+
+
 def trimmed(samples: np.ndarray) -> np.ndarray:
     loud = np.flatnonzero(np.abs(samples) > 0.01 * np.abs(samples).max())
     return samples[loud[0] : loud[-1] + 1]

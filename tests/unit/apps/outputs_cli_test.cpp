@@ -39,6 +39,8 @@ const std::map<std::string, std::string> kNeeded{{"rir", "IN --source 1,1,1 --li
                                                  {"dataset convolve", "IN --speech IN"},
                                                  {"dataset grid", "IN"},
                                                  {"measure", "IN"},
+                                                 {"validate", "IN"},
+                                                 {"fit-materials", "IN --measured IN"},
                                                  {"eval", "IN"},
                                                  {"policy", "IN"},
                                                  {"verify", "IN"},
@@ -69,7 +71,7 @@ class OutputsCli : public Cli {
     for (std::string line; std::getline(lines, line);) {
       if (line.starts_with("Subcommands:")) in_section = true;
       std::smatch name;
-      if (!in_section || !std::regex_search(line, name, std::regex("^  ([a-z]+)"))) continue;
+      if (!in_section || !std::regex_search(line, name, std::regex("^  ([a-z][a-z-]*)"))) continue;
       const std::string words = above.empty() ? name[1].str() : above + " " + name[1].str();
       const std::vector<std::string> below = words == "bench" || words == "dataset" ? commands(words) : std::vector{words};
       found.insert(found.end(), below.begin(), below.end());
