@@ -231,7 +231,7 @@ void validate(const ConvolveConfig& config) {
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
   validate(config);
   validate(run);
-  const ResponseIndex index(config.corpus);
+  const ResponseIndex index = config.measured ? ResponseIndex::of_measured(config.corpus) : ResponseIndex(config.corpus);
   std::optional<WishedResponses> wished;
   if (!config.wished.is_empty()) wished.emplace(index, config.wished);
   require_outside(run.out, config.speech, "--speech");

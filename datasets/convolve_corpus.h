@@ -14,7 +14,8 @@ namespace earshot {
 
 /// Reverberant signals: dry speech through the responses of a corpus, with noise.  A plain value.
 struct ConvolveConfig {
-  std::string corpus;                              ///< folder that write_rir_corpus has completed
+  std::string corpus;                              ///< folder that write_rir_corpus has completed, or of measured responses
+  bool measured = false;                           ///< `corpus` holds measured responses (measured_index.h)
   std::string speech;                              ///< folder of sound files, with those below it
   std::string noise;                               ///< the same, or synth (white noise), or synth:KIND; empty: none
   std::uint64_t seed = 0;                          ///< of all that is drawn

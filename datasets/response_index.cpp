@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "datasets/corpus_folder.h"
+#include "datasets/measured/measured_index.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
@@ -57,7 +58,8 @@ IndexedResponse parse_line(std::string_view line) {
 ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(corpus)) {
   const std::filesystem::path description = corpus_ / "corpus.json", manifest = corpus_ / "manifest.jsonl";
   if (!std::filesystem::exists(description))
-    throw InputError(corpus_.string(), "contains no corpus.json", "give a folder written by 'earshot dataset rir'");
+    throw InputError(corpus_.string(), "contains no corpus.json",
+                     "give a folder written by 'earshot dataset rir', or with --measured one of measured responses");
   if (!std::filesystem::exists(manifest))
     throw InputError(corpus_.string(), "contains an incomplete corpus", "run 'earshot dataset rir' again for all shards");
   const std::string text = read_file(manifest);
@@ -88,8 +90,29 @@ ResponseIndex::ResponseIndex(std::filesystem::path corpus) : corpus_(std::move(c
                           response.distance_m <= kMaxDistanceM && response.direct_delay_s >= 0 && response.direct_delay_s <= kLongestDelayS;
     if (!in_range)
       throw InputError(manifest.string() + ":" + std::to_string(i + 1), "has a number outside the valid range", "write the corpus again");
-    if (response.room >= rooms_.size()) rooms_.resize(response.room + 1);
-    rooms_[response.room].push_back(i);
+  }
+  sort_into_rooms();
+}
+
+ResponseIndex ResponseIndex::of_measured(std::filesystem::path folder) {
+  if (std::filesystem::exists(folder / "corpus.json"))
+    throw InputError(folder.string(), "is a corpus of 'earshot dataset rir', not a folder of measured responses", "leave out --measured");
+  MeasuredIndex measured = index_measured(folder);
+  ResponseIndex index;
+  index.corpus_ = std::move(folder);
+  index.sample_rate_hz_ = measured.sample_rate_hz;
+  index.channels_ = std::move(measured.channels);
+  index.hash_ = measured.hash;
+  index.responses_ = std::move(measured.responses);
+  index.sort_into_rooms();
+  return index;
+}
+
+void ResponseIndex::sort_into_rooms() {
+  for (std::size_t i = 0; i < responses_.size(); ++i) {
+    const std::size_t room = responses_[i].room;
+    if (room >= rooms_.size()) rooms_.resize(room + 1);
+    rooms_[room].push_back(i);
   }
 }
 

@@ -24,11 +24,13 @@ struct IndexedResponse {
   std::string labels;                ///< JSON: further properties of the signal, such as directions
 };
 
-/// The responses of a complete corpus.  Immutable, safe from any thread.
+/// The responses of a complete corpus, or of a folder of measured ones.  Immutable, safe from any thread.
 class ResponseIndex {
  public:
   /// Throws InputError: no corpus, one that is not complete, damaged, or without sound files.
   explicit ResponseIndex(std::filesystem::path corpus);
+  /// Of measured responses (measured_index.h).  Throws InputError as index_measured, and for a corpus.
+  static ResponseIndex of_measured(std::filesystem::path folder);
 
   [[nodiscard]] const std::vector<IndexedResponse>& responses() const { return responses_; }
   /// Indices of the responses of the room of `response`.
@@ -44,6 +46,10 @@ class ResponseIndex {
   [[nodiscard]] SoundChannels load(const IndexedResponse& response, const std::string& file) const;
 
  private:
+  ResponseIndex() = default;
+  /// Fills rooms_.
+  void sort_into_rooms();
+
   std::filesystem::path corpus_;
   float sample_rate_hz_ = 0;
   std::vector<std::string> channels_;

@@ -57,7 +57,11 @@ void add_dataset_convolve(CLI::App& dataset) {
   ConvolveConfig& config = options->config;
   CLI::App* command = dataset.add_subcommand(
       "convolve", "Convolve dry speech with the responses of a corpus, and add noise, targets and labels (docs/howto/datasets_signals.md)");
-  command->add_option("CORPUS", config.corpus, "Folder written by 'earshot dataset rir'")->type_name(kWholeFolder)->required();
+  command->add_option("CORPUS", config.corpus, "Folder written by 'earshot dataset rir', or with --measured one of measured responses")
+      ->type_name(kWholeFolder)
+      ->required();
+  command->add_flag("--measured", config.measured,
+                    "CORPUS holds sound files of measured responses, with or without places.yaml (docs/howto/measured_rooms.md)");
   command
       ->add_option("--speech", config.speech,
                    "Folder of dry speech, including subfolders: WAV, FLAC, OGG, Opus, MP3 or AIFF at any sample rate")

@@ -209,12 +209,15 @@ MeasuredRoom load_measured_room(const fs::path& measured, const fs::path& places
   }
   if (places.empty()) {
     const std::vector<fs::path> files = sofa_files_in(measured);
-    const bool has_places = std::ranges::any_of(kPlaces, [&](const char* name) { return fs::exists(measured / name); });
-    if (!files.empty() && has_places)
+    if (!files.empty() && has_places(measured))
       throw InputError(measured.string(), "has SOFA files and a file of places", "name one SOFA file, or the places with --places");
     if (!files.empty()) return load_sofa_files(files);
   }
   return load_sound_files(measured, places.empty() ? find_places(measured) : places);
+}
+
+bool has_places(const fs::path& measured) {
+  return std::ranges::any_of(kPlaces, [&](const char* name) { return fs::exists(measured / name); });
 }
 
 std::vector<ConfigKey> places_keys() {

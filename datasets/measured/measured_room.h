@@ -44,6 +44,9 @@ struct MeasuredRoom {
 /// rate, a channel that it lacks, a time outside of the record, the same file and channel twice.
 MeasuredRoom load_measured_room(const std::filesystem::path& measured, const std::filesystem::path& places = {});
 
+/// Whether the folder has a places file.
+bool has_places(const std::filesystem::path& measured);
+
 /// All keys of a places file.
 std::vector<ConfigKey> places_keys();
 
