@@ -6,8 +6,8 @@
 #include <limits>
 #include <numbers>
 
-#include "sim/acoustics/geometry/position_check.h"
 #include "sim/acoustics/paths/transmission.h"
+#include "sim/acoustics/response/position_check.h"
 #include "sim/acoustics/tracers/bidirectional_tracer.h"
 #include "sim/base/errors.h"
 #include "sim/scene/air_sample.h"

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -17,15 +18,16 @@ namespace earshot {
 namespace {
 
 constexpr std::size_t kTableSize = 2048;
-constexpr double kTableStep = 0.06;       // radians: the table ends at 123, where S of an octave is below 3e-4
-constexpr std::size_t kMostWalls = 4096;  // the largest
-constexpr float kMinAreaM2 = 0.04f;       // of a plane
-constexpr double kReachOfPanel = 4.0;     // times the root of its area: longer waves hardly notice it
-constexpr double kLeastHeightM = 0.01;    // from where rays start
-constexpr double kSlackM = 2e-3;          // of bounds, and of the length of rays
-constexpr double kLeastGain = 0.1;        // sums over few images may fall below what is possible
-constexpr double kLeastEffect = 0.003;    // of a wall or an edge: 0.013 dB
-constexpr double kSquareCosine = 0.26;    // of edges that make a corner: 75 to 105 degrees
+constexpr double kTableStep = 0.06;          // radians: the table ends at 123, where S of an octave is below 3e-4
+constexpr std::size_t kEdgeTableSize = 700;  // to 42, where E0 of an octave is below 1e-3
+constexpr std::size_t kMostWalls = 4096;     // the largest
+constexpr float kMinAreaM2 = 0.04f;          // of a plane
+constexpr double kReachOfPanel = 4.0;        // times the root of its area: longer waves hardly notice it
+constexpr double kLeastHeightM = 0.01;       // from where rays start
+constexpr double kSlackM = 2e-3;             // of bounds, and of the length of rays
+constexpr double kLeastGain = 0.1;           // sums over few images may fall below what is possible
+constexpr double kLeastEffect = 0.003;       // of a wall or an edge: 0.013 dB
+constexpr double kSquareCosine = 0.26;       // of edges that make a corner: 75 to 105 degrees
 constexpr double kLeastEdgeRad = 50.0 * std::numbers::pi / 180.0;
 
 /// Sine integral, absolute error below 1e-6 (Abramowitz and Stegun, 5.2.8, 5.2.14, 5.2.38 and 5.2.39).
@@ -42,15 +44,29 @@ double sine_integral(double x) {
   return 0.5 * std::numbers::pi - f / (x * f_under) * std::cos(x) - g / (y * g_under) * std::sin(x);
 }
 
-/// How much a plane of this area counts.
+/// Integral of J1(t) / t from x on, for x in steps of kShadowStep: that of J0 by Simpson's rule, and (t E)' = E - J1.
+constexpr double kShadowStep = 0.04;
+std::vector<double> edge_shadows(double last) {
+  std::vector<double> shadow{1.0};
+  double sum = 0;  // of J0
+  for (double x = 0; x < last + kShadowStep; x = kShadowStep * static_cast<double>(shadow.size() - 1)) {
+    sum += kShadowStep / 6.0 * (::j0(x) + 4.0 * ::j0(x + 0.5 * kShadowStep) + ::j0(x + kShadowStep));
+    shadow.push_back(1.0 - sum + ::j1(x + kShadowStep));
+  }
+  return shadow;
+}
+
+/// Length of a rigid plate against which the wave counts, D of wall_power.h.
+double plate_length(const std::array<double, 2>& sides_m) {
+  const double shorter = 0.5 * std::min(sides_m[0], sides_m[1]), longer = 0.5 * std::max(sides_m[0], sides_m[1]);
+  if (!(shorter < std::numeric_limits<double>::infinity())) return shorter;
+  return 1.06 * shorter / (1.0 + (0.5 * std::numbers::pi - 1.0) * std::pow(shorter / longer, 1.5));  // E within 1 %
+}
+
+/// How much a plane of this area may count, about.
 double size_weight(double area_m2, double wavenumber) {
   const double half_m = std::numbers::pi / wavenumber, size = area_m2 / (half_m * half_m);
   return -std::expm1(-size * size);
-}
-
-bool holds(const MirrorPlane& plane, glm::dvec3 p) {
-  return glm::all(glm::greaterThanEqual(p, glm::dvec3(plane.bounds.lower) - kSlackM)) &&
-         glm::all(glm::lessThanEqual(p, glm::dvec3(plane.bounds.upper) + kSlackM));
 }
 
 }  // namespace
@@ -72,7 +88,12 @@ struct WallPower::Near {
   std::uint32_t material, fold;  // of the triangle at its foot; folds.planes.size(): not in a fold
   glm::dvec3 normal;             // unit, toward the point
   double height_m;
-  std::array<double, kMaxBands> weight;  // c of a band
+  const WallFacet* facet;  // that its foot lies on
+  [[nodiscard]] bool holds(glm::dvec3 p) const {
+    return glm::all(glm::greaterThanEqual(p, glm::dvec3(plane->bounds.lower) - kSlackM)) &&
+           glm::all(glm::lessThanEqual(p, glm::dvec3(plane->bounds.upper) + kSlackM)) && facet->reaches(p);
+  }
+  std::array<double, kMaxBands> weight, alone, in_pair;  // c of a band; times what its own term is; times what is left of pairs
 };
 
 struct WallPower::NearWalls {
@@ -82,16 +103,35 @@ struct WallPower::NearWalls {
 };
 
 WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
-    : all_bands_(all_bands), least_effect_(all_bands ? 0.0 : kLeastEffect), num_bands_(static_cast<std::size_t>(surfaces.num_bands())) {
+    : all_bands_(all_bands),
+      least_effect_(all_bands ? 0.0 : kLeastEffect),
+      num_bands_(static_cast<std::size_t>(surfaces.num_bands())),
+      facets_(surfaces.scene(), surfaces.planes(), surfaces.plane_of_triangle(), surfaces.folds(), double{kMinAreaM2}, kMostWalls) {
   const double speed = surfaces.speed_of_sound_m_per_s();
   const BandLayout& bands = surfaces.bands();
   reach_m_ = speed / bands.centre_hz.front();
   table_.resize(num_bands_ * kTableSize);
+  edge_table_.resize(num_bands_ * kTableSize);  // 0 from kEdgeTableSize on
+  double widest = 0;
+  for (std::size_t band = 0; band < num_bands_; ++band) widest = std::max(widest, double{bands.edge_hz[band + 1]} / bands.centre_hz[band]);
+  const std::vector<double> shadow = edge_shadows(widest * static_cast<double>(kEdgeTableSize) * kTableStep);
+  const auto shadow_at = [&](double x) {
+    const auto index = static_cast<std::size_t>(x / kShadowStep);
+    return shadow[index] + (x / kShadowStep - static_cast<double>(index)) * (shadow[index + 1] - shadow[index]);
+  };
   for (std::size_t band = 0; band < num_bands_; ++band) {
     wavenumber_.push_back(2.0 * std::numbers::pi * bands.centre_hz[band] / speed);
-    for (std::size_t i = 0; i < kTableSize; ++i)
-      table_[band * kTableSize + i] = static_cast<float>(
-          band_mean_sinc(bands.edge_hz[band], bands.edge_hz[band + 1], static_cast<double>(i) * kTableStep / wavenumber_.back(), speed));
+    for (std::size_t i = 0; i < kTableSize; ++i) {
+      const double x = static_cast<double>(i) * kTableStep, low = x * bands.edge_hz[band] / bands.centre_hz[band],
+                   high = x * bands.edge_hz[band + 1] / bands.centre_hz[band];
+      table_[band * kTableSize + i] =
+          static_cast<float>(band_mean_sinc(bands.edge_hz[band], bands.edge_hz[band + 1], x / wavenumber_.back(), speed));
+      if (i >= kEdgeTableSize) continue;
+      // The integral of E is t E - J0.
+      const auto integral = [&](double t) { return t * shadow_at(t) - ::j0(t); };
+      edge_table_[band * kTableSize + i] =
+          static_cast<float>(high - low < 0.1 ? shadow_at(x) : (integral(high) - integral(low)) / (high - low));
+    }
   }
   const auto add = [&](const MirrorPlane& plane, std::uint32_t index) {
     if (!(plane.area_m2 >= kMinAreaM2) || plane_.size() >= kMostWalls) return;
@@ -113,17 +153,17 @@ WallPower::WallPower(const AcousticSurfaces& surfaces, bool all_bands)
 }
 
 std::size_t WallPower::bytes() const {
-  std::size_t sum = sizeof(WallPower) + bytes_of(wavenumber_) + bytes_of(table_) + bytes_of(offset_m_) + bytes_of(plane_reach_m_) +
-                    bytes_of(size_) + bytes_of(plane_);
+  std::size_t sum = sizeof(WallPower) + bytes_of(wavenumber_) + bytes_of(table_) + bytes_of(edge_table_) + facets_.bytes() +
+                    bytes_of(offset_m_) + bytes_of(plane_reach_m_) + bytes_of(size_) + bytes_of(plane_);
   for (std::size_t axis = 0; axis < 3; ++axis) sum += bytes_of(normal_[axis]) + bytes_of(lower_[axis]) + bytes_of(upper_[axis]);
   return sum;
 }
 
-double WallPower::mean_sinc(std::size_t band, double distance_m) const {
+double WallPower::look_up(const std::vector<float>& table, std::size_t band, double distance_m) const {
   const double at = wavenumber_[band] * distance_m / kTableStep;
   if (!(at < static_cast<double>(kTableSize - 1))) return 0.0;
   const auto index = static_cast<std::size_t>(at);
-  const float* row = &table_[band * kTableSize + index];
+  const float* row = &table[band * kTableSize + index];
   return double{row[0]} + (at - static_cast<double>(index)) * (double{row[1]} - double{row[0]});
 }
 
@@ -177,7 +217,10 @@ void WallPower::find_walls(const AcousticSurfaces& surfaces, glm::dvec3 point, N
     if (!hit.valid() || std::abs(hit.distance_m - std::abs(start_m)) > kSlackM + depth_m) continue;
     const std::uint32_t fold = folds.planes.empty() ? 0 : folds.fold_of_triangle[hit.triangle];
     if (is_fold ? fold != near.plane - num_planes : surfaces.plane_of_triangle()[hit.triangle] != near.plane) continue;
+    const WallFacet* const facet = is_fold ? facets_.of_fold(fold) : facets_.of_triangle(hit.triangle);
+    if (facet == nullptr) continue;
     Near& wall = walls.wall[walls.count++];
+    wall.facet = facet;
     wall.plane = &rounded;
     wall.index = near.plane;
     wall.material = surfaces.scene().mesh().triangle_material[hit.triangle];
@@ -200,8 +243,7 @@ void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls)
     const auto reflectance = surfaces.reflectance(wall.material), scattering = surfaces.scattering(wall.material);
     for (std::size_t band = 0; band < num_bands_; ++band) {
       const double kept = double{reflectance[band]};
-      double weight = size_weight(double{wall.plane->area_m2}, wavenumber_[band]) * 2.0 *
-                      std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
+      double weight = 2.0 * std::sqrt(kept * (1.0 - double{scattering[band]})) / (1.0 + kept);
       if (shared) {
         // One mirror up to an eighth of a wave, none from a quarter on: as image paths share a fold between it and its planes.
         const double waves = 2.0 * double{folds.depth_m[wall.fold]} * wavenumber_[band] / (2.0 * std::numbers::pi);
@@ -210,6 +252,30 @@ void WallPower::find_weights(const AcousticSurfaces& surfaces, NearWalls& walls)
       }
       wall.weight[band] = weight;
     }
+    end_in_air(wall, walls.point);
+  }
+}
+
+void WallPower::end_in_air(Near& wall, glm::dvec3 point) const {
+  const WallFacet::View view = wall.facet->view(point, glm::dot(wall.normal, wall.facet->normal) > 0);
+  std::array<double, kMaxBands> lost{};  // T
+  for (std::size_t a = 0; view.ends && a < 2; ++a)
+    for (std::size_t end = 0; end < 2; ++end) {
+      const double d = view.to_side_m[a][end], r = std::hypot(d, wall.height_m);
+      if (!(r < reach_m_)) continue;
+      const auto& beside = view.to_side_m[1 - a];
+      const double fraction = view.weight[a][end] * (std::atan2(beside[0], d) + std::atan2(beside[1], d)) / std::numbers::pi;
+      const double cosine = r > 0 ? d / r : 1.0;
+      for (std::size_t band = 0; band < num_bands_; ++band)
+        lost[band] += fraction * 0.5 * ((1.0 + cosine) * look_up(edge_table_, band, 2.0 * r) + (1.0 - cosine) * mean_sinc(band, 2.0 * r));
+    }
+  const double length_m = view.ends ? plate_length(view.length_m) : std::numeric_limits<double>::infinity();
+  for (std::size_t band = 0; band < num_bands_; ++band) {
+    const double size = wavenumber_[band] * length_m / 0.7, counts = -std::expm1(-size * size) * wall.weight[band];
+    const double twice = 0.25 * lost[band] * lost[band], left = lost[band] > 0 ? twice * twice - lost[band] : -lost[band];
+    const double mirror = mean_sinc(band, 2.0 * wall.height_m), alone = mirror + left;
+    wall.alone[band] = counts * (lost[band] > 1.0 ? std::max(alone, std::min(mirror, 0.0)) : alone);
+    wall.in_pair[band] = counts * std::clamp(1.0 + left, 0.0, 1.0);
   }
 }
 
@@ -223,7 +289,7 @@ WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const 
   sum.fill(1.0);
   const auto near = std::span(walls.wall).first(walls.count);
   for (const Near& wall : near)
-    for (std::size_t band = 0; band < num_bands_; ++band) sum[band] += wall.weight[band] * mean_sinc(band, 2.0 * wall.height_m);
+    for (std::size_t band = 0; band < num_bands_; ++band) sum[band] += wall.alone[band];
 
   // Edges: of the point of the edge that is nearest, both walls must have it, and nothing may stand before it.
   const auto is_visible = [&](glm::dvec3 target) {
@@ -245,12 +311,12 @@ WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const 
       const glm::dvec3 way = along_first * first.normal + along_second * second.normal;
       const double distance_m = glm::length(way);
       const glm::dvec3 target = walls.point - way;
-      if (distance_m > reach_m_ || !holds(*first.plane, target) || !holds(*second.plane, target)) continue;
+      if (distance_m > reach_m_ || !first.holds(target) || !second.holds(target)) continue;
       const double edge_weight = 2.0 * std::numbers::pi / edge_rad - 3.0;
       std::array<double, kMaxBands> added;
       double most = 0;
       for (std::size_t band = 0; band < num_bands_; ++band) {
-        added[band] = edge_weight * first.weight[band] * second.weight[band] * mean_sinc(band, 2.0 * distance_m);
+        added[band] = edge_weight * first.in_pair[band] * second.in_pair[band] * mean_sinc(band, 2.0 * distance_m);
         most = std::max(most, std::abs(added[band]));
       }
       if (most < least_effect_ || !is_visible(target)) continue;
@@ -267,10 +333,9 @@ WallGain WallPower::at(const AcousticSurfaces& surfaces, glm::vec3 point) const 
         const glm::dvec3 way = glm::inverse(rows) * glm::dvec3(near[i].height_m, near[j].height_m, near[k].height_m);
         const double distance_m = glm::length(way);
         const glm::dvec3 target = walls.point - way;
-        if (distance_m > reach_m_ || !holds(*near[i].plane, target) || !holds(*near[j].plane, target) || !holds(*near[k].plane, target))
-          continue;
+        if (distance_m > reach_m_ || !near[i].holds(target) || !near[j].holds(target) || !near[k].holds(target)) continue;
         for (std::size_t band = 0; band < num_bands_; ++band)
-          sum[band] += near[i].weight[band] * near[j].weight[band] * near[k].weight[band] * mean_sinc(band, 2.0 * distance_m);
+          sum[band] += near[i].in_pair[band] * near[j].in_pair[band] * near[k].in_pair[band] * mean_sinc(band, 2.0 * distance_m);
       }
 
   for (std::size_t band = 0; band < num_bands_; ++band) {

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/acoustics/geometry/position_check.h"
 #include "sim/acoustics/model/acoustic_scene.h"
+#include "sim/acoustics/response/position_check.h"
 #include "sim/scene/checks/air_connection.h"
 
 namespace earshot {

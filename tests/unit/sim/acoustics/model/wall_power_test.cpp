@@ -11,11 +11,13 @@
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "sim/base/random.h"
+#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {
+
+constexpr std::uint64_t kSeed = 38;  // of what is drawn
 
 using rooms::point;
 
@@ -34,16 +36,6 @@ double band_mean(const BandLayout& bands, int band, int count, const F& f) {
   return sum;
 }
 
-class Draws {
- public:
-  explicit Draws(std::uint32_t number) : random_(38, Purpose::test, number) {}
-  double within(double low, double high) { return low + (high - low) * static_cast<double>(random_.uniform(draw_++)); }
-
- private:
-  RandomStream random_;
-  std::uint32_t draw_ = 0;
-};
-
 AcousticConfig all_bands() {
   AcousticConfig config;
   config.wall_power = Switch::on;
@@ -53,7 +45,7 @@ AcousticConfig all_bands() {
 
 TEST(WallPower, TheMeanOfABandIsThatOfManyFrequencies) {
   for (std::uint32_t number = 0; number < 20; ++number) {
-    Draws draw(number);
+    Draws draw(kSeed, number);
     const double low = draw.within(40, 4000), high = low * draw.within(1.05, 2.5), distance_m = std::pow(10.0, draw.within(-3, 1.3));
     double sum = 0;
     constexpr int parts = 20'000;
@@ -70,7 +62,7 @@ TEST(WallPower, OverARigidFloorItIsTheClosedForm) {
   const auto floor = rooms::half_space(0.0, 0.0);
   const AcousticScene scene(floor, all_bands());
   for (std::uint32_t number = 0; number < 12; ++number) {
-    const double h = number == 0 ? 0.0 : std::pow(10.0, Draws(number).within(-2.5, 0.4));
+    const double h = number == 0 ? 0.0 : std::pow(10.0, Draws(kSeed, number).within(-2.5, 0.4));
     const WallGain gain = scene.wall_gain(point(0.3, -0.2, h));
     for (int band = 0; band < scene.num_bands(); ++band)
       EXPECT_NEAR(gain.energy[static_cast<std::size_t>(band)],
@@ -106,7 +98,7 @@ double far_field_ratio(const std::vector<double>& h, const std::vector<double>& 
 // three walls opposite, 9 m off and more, which play no part.  A factor of 2 is 3 dB.
 TEST(WallPower, WallsEdgesAndCornersSendThePowerOfTheirFarField) {
   for (std::uint32_t number = 0; number < 12; ++number) {
-    Draws draw(100 + number);
+    Draws draw(kSeed, 100 + number);
     const std::size_t num_walls = 1 + number % 3;
     std::array<Material, 6> materials = rooms::uniform_walls(0.1, 0.0);
     std::vector<double> h, r;
@@ -148,13 +140,13 @@ double modal_ratio(glm::dvec3 size, glm::dvec3 at, double low_hz, double high_hz
 // at the same distances from its walls, which leaves 0.1 dB.  Tolerance 0.25 dB.
 TEST(WallPower, InARigidRoomItIsThePowerIntoItsModes) {
   for (std::uint32_t number = 0; number < 12; ++number) {
-    Draws draw(200 + number);
+    Draws draw(kSeed, 200 + number);
     std::vector<double> h;
     while (h.size() <= number % 3) h.push_back(number < 3 ? 0.03 : draw.within(0.02, 1.2));
     std::array<double, 2> modes{}, found{};
     constexpr std::uint32_t rooms_drawn = 8;
     for (std::uint32_t room = 0; room < rooms_drawn; ++room) {
-      Draws of_room(10'000 + 100 * number + room);
+      Draws of_room(kSeed, 10'000 + 100 * number + room);
       const glm::dvec3 size(of_room.within(13, 17), of_room.within(11, 13), of_room.within(9, 10.5));
       glm::dvec3 at = size * glm::dvec3(of_room.within(0.35, 0.65), of_room.within(0.35, 0.65), of_room.within(0.4, 0.6));
       for (std::size_t axis = 0; axis < h.size(); ++axis)
@@ -212,7 +204,7 @@ TEST(WallPower, TheLateFieldOfImagePressuresHasTheFactorOfBothEnds) {
   for (int near = 0; near <= 3; ++near) {
     double together = 0, expected = 0;
     for (std::uint32_t number = 0; number < 40; ++number) {
-      Draws draw(300 + 50 * static_cast<std::uint32_t>(near) + number);
+      Draws draw(kSeed, 300 + 50 * static_cast<std::uint32_t>(near) + number);
       const glm::dvec3 size(draw.within(5, 8), draw.within(4, 6), draw.within(2.8, 4));
       glm::dvec3 from = size * glm::dvec3(draw.within(0.35, 0.65), draw.within(0.35, 0.65), draw.within(0.4, 0.6));
       for (int axis = 0; axis < near; ++axis) from[axis] = draw.within(0.02, 0.25);
@@ -235,7 +227,7 @@ TEST(WallPower, TheLateFieldOfImagePressuresHasTheFactorOfBothEnds) {
 TEST(WallPower, AnEdgeOfAnyAngleHasTheFreePartOfSpace) {
   // At the edge of a rigid wedge the power is 2 pi over its angle.
   for (std::uint32_t number = 0; number < 10; ++number) {
-    const double angle = number == 0 ? kHalfTurn / 2 : Draws(400 + number).within(60, 160) / 180.0 * kHalfTurn;
+    const double angle = number == 0 ? kHalfTurn / 2 : Draws(kSeed, 400 + number).within(60, 160) / 180.0 * kHalfTurn;
     TriangleMesh mesh;
     const double x = 20 * std::cos(angle), z = 20 * std::sin(angle);
     rooms::append_quad(mesh, {point(0, -20, 0), point(20, -20, 0), point(20, 20, 0), point(0, 20, 0)}, 0);
@@ -290,7 +282,7 @@ double late_energy(const EnergyResponse& response, int band) {
 // The same rays: the quotient is the factor, to rounding.
 TEST(WallPower, LateSoundHasTheFactorOfBothEndsAndOfEitherDirection) {
   for (std::uint32_t number = 0; number < 10; ++number) {
-    Draws draw(500 + number);
+    Draws draw(kSeed, 500 + number);
     const auto room = rooms::box(6, 5, 3, rooms::uniform_walls(draw.within(0.05, 0.5), draw.within(0, 0.6)));
     const glm::vec3 source = point(draw.within(0.02, 0.5), draw.within(0.02, 2), draw.within(0.02, 1)),
                     listener = point(draw.within(3, 5.9), draw.within(1, 4.9), draw.within(0.1, 2.9));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sim/acoustics/geometry/position_check.h"
+#include "sim/acoustics/response/position_check.h"
 
 #include <algorithm>
 #include <cstdint>
