@@ -10,25 +10,17 @@
 
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
-#include "sim/base/random.h"
 #include "sim/scene/materials/wall_impedance.h"
+#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/rooms.h"
 
 namespace earshot {
 namespace {
 
+constexpr std::uint64_t kSeed = 39;  // of what is drawn
+
 using Complex = std::complex<double>;
 using rooms::point;
-
-class Draws {
- public:
-  explicit Draws(std::uint32_t number) : random_(39, Purpose::test, number) {}
-  double within(double low, double high) { return low + (high - low) * static_cast<double>(random_.uniform(draw_++)); }
-
- private:
-  RandomStream random_;
-  std::uint32_t draw_ = 0;
-};
 
 Material impedance_wall(Complex impedance, double scattering = 0) {
   Material wall = Material::uniform("wall", static_cast<float>(random_incidence_absorption(impedance)), static_cast<float>(scattering));
@@ -53,7 +45,7 @@ EnergyResponse response_of(const AcousticScene& scene, glm::vec3 source, glm::ve
 // Single precision of the coefficients: 1e-5.
 TEST(LocallyReacting, AnImageHasThePressureOfAPlaneWaveAtItsAngle) {
   for (std::uint32_t number = 0; number < 14; ++number) {
-    Draws draw(number);
+    Draws draw(kSeed, number);
     const Complex impedance = std::polar(std::pow(10.0, draw.within(-0.5, 1.5)), draw.within(-1.4, 1.4));
     const double source_m = std::pow(10.0, draw.within(-1, 1)), listener_m = std::pow(10.0, draw.within(-1, 1)),
                  apart_m = draw.within(0.5, 30), scattering = draw.within(0, 0.5);
@@ -76,7 +68,7 @@ TEST(LocallyReacting, AnImageHasThePressureOfAPlaneWaveAtItsAngle) {
 // By Paris' formula from the absorption alone: real, and at grazing incidence -1.
 TEST(LocallyReacting, AnAbsorptionGivesARealImpedance) {
   for (std::uint32_t number = 0; number < 10; ++number) {
-    Draws draw(100 + number);
+    Draws draw(kSeed, 100 + number);
     const double absorption = draw.within(0.02, 0.99), height_m = draw.within(0.1, 5), apart_m = draw.within(1, 60);
     TriangleMesh mesh;
     rooms::append_quad(mesh, {point(-200, -200, 0), point(200, -200, 0), point(200, 200, 0), point(-200, 200, 0)}, 0);
@@ -140,7 +132,7 @@ struct MirrorBox {
   glm::dvec3 size, from, to;
   std::array<Complex, 6> impedance;
   explicit MirrorBox(std::uint32_t number) {
-    Draws draw(200 + number);
+    Draws draw(kSeed, 200 + number);
     size = {draw.within(4, 7), draw.within(3.5, 5), draw.within(2.6, 4)};
     from = size * glm::dvec3(draw.within(0.2, 0.45), draw.within(0.2, 0.8), draw.within(0.3, 0.6));
     to = size * glm::dvec3(draw.within(0.55, 0.8), draw.within(0.2, 0.8), draw.within(0.3, 0.7));
@@ -180,7 +172,7 @@ TEST(LocallyReacting, RoomsOfMirrorsHaveTheEnergyOfTheirImages) {
 // 125 Hz, against the closed form, 0.05 dB.  The loss is 5 dB and more.
 TEST(LocallyReacting, GrazingSoundOverSeatsHasTheSeatDip) {
   for (std::uint32_t number = 0; number < 10; ++number) {
-    Draws draw(600 + number);
+    Draws draw(kSeed, 600 + number);
     const double source_m = draw.within(0.6, 1.2), listener_m = draw.within(0.2, 0.5), apart_m = draw.within(12, 30);
     const Complex wells(0.3, 0.39);
     TriangleMesh mesh;

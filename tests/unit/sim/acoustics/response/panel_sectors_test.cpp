@@ -95,8 +95,15 @@ TEST(PanelSectors, TableOfStructures) {
     const SectorEnergy all = by_engine(structure, true, kOctaves), few = by_engine(structure, false, kOctaves);
     print_errors(" all edges", all, truth, kOctaves);
     print_errors(" few edges", few, truth, kOctaves);
-    for (std::size_t octave = 0; octave < kOctaves; ++octave)
-      for (std::size_t sector = 0; sector < kSectors; ++sector) EXPECT_TRUE(std::isfinite(all[octave][sector] + few[octave][sector]));
+    // Sums over the sectors as for the drawn ones: 1.2 dB, of several panels 2.4 dB.  Panels that end at another surface have no wave of
+    // their own (docs/evidence/validation.md): 3 dB.
+    const bool is_strip = structure.sheets.size() == 1 && structure.sheets[0].size() == 2, is_array = structure.sheets.size() == 3;
+    for (const SectorEnergy& found : {all, few})
+      for (std::size_t octave = 0; octave < kOctaves; ++octave) {
+        double sum = 0, true_sum = 0;
+        for (std::size_t sector = 0; sector < kSectors; ++sector) sum += found[octave][sector], true_sum += truth[octave][sector];
+        EXPECT_NEAR(level_db(sum / true_sum), 0, is_strip ? 1.2 : (is_array ? 2.4 : 3.0)) << structure.name << ", octave " << octave;
+      }
   }
 }
 

@@ -11,14 +11,13 @@
 #include <string>
 
 #include "sim/base/random.h"
-#include "sim/base/text/json.h"
 #include "sim/scene/materials/wall_impedance.h"
-#include "tests/support/programs/cli.h"
+#include "tests/support/programs/rir_cli.h"
 
 namespace earshot {
 namespace {
 
-class LocallyReactingCli : public Cli {
+class LocallyReactingCli : public RirCli {
  protected:
   /// A floor of 400 m with a material of these keys.
   void write_floor(const std::string& keys) const {
@@ -40,17 +39,14 @@ TEST_F(LocallyReactingCli, TheFloorReflectsByTheAngle) {
     const bool by_absorption = number % 2 == 0;
     write_floor(by_absorption ? fmt::format(R"("absorption": [500, {}], "angle": "locally_reacting")", absorption)
                               : fmt::format(R"("impedance": [500, {}, {}])", measured.real(), measured.imag()));
-    const CliOutcome outcome = earshot(fmt::format(
-        "rir {} --source 0,{},0 --listener {},{},0 --channels mono --set direct=off late=off diffraction=off air_absorption=off --out {} "
-        "--metrics {}",
-        file("scene.yaml"), height_m, apart_m, height_m, file("r.wav"), file("r.json")));
-    ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
+    const nlohmann::json heard =
+        metrics(fmt::format("{} --source 0,{},0 --listener {},{},0 --set direct=off late=off diffraction=off air_absorption=off",
+                            file("scene.yaml"), height_m, apart_m, height_m));
     const double distance_m = std::hypot(apart_m, 2 * height_m);
     const auto impedance = by_absorption ? std::complex<double>(impedance_of_absorption(absorption)) : measured;
     const double expected_db = 20 * std::log10(std::abs(wall_reflection(impedance, 2 * height_m / distance_m)) * 10 / distance_m);
-    const nlohmann::json metrics = parse_json(read("r.json"));
-    for (std::size_t band = 0; band < metrics["bands_hz"].size(); ++band)
-      EXPECT_NEAR(metrics["energy"]["g_db"][band].get<double>(), expected_db, 0.02) << number << ", band " << band;
+    for (std::size_t band = 0; band < heard["bands_hz"].size(); ++band)
+      EXPECT_NEAR(heard["energy"]["g_db"][band].get<double>(), expected_db, 0.02) << number << ", band " << band;
   }
 }
 
