@@ -93,7 +93,7 @@ TEST_F(WallPowerCli, SheetsEndAtTheirEdges) {
     Draws draw(3802, number);
     const double r = std::pow(10.0, draw.within(-1.3, 0.0)), around = draw.within(0.02, 0.48) * std::numbers::pi;
     const std::string arguments =
-        fmt::format("{} --source {:.4f},{:.4f},6 --listener 14,7.5,6 --set direct=off early=off field=off rays=1024 rir_length_s=0.3 ",
+        fmt::format("{} --source {:.4f},{:.4f},6 --listener 14,7.5,6 --set direct=off early=off field=off rays=64 rir_length_s=0.1 ",
                     file("scene.yaml"), 7 + r * std::sin(around), 9 - r * std::cos(around));
     const nlohmann::json with = metrics(arguments), without = metrics(arguments + "wall_power=off");
     const double hz = with["bands_hz"][0], speed = 343.2;
