@@ -83,4 +83,19 @@ EnvState decode_env_state(std::string_view text) {
   return state;
 }
 
+std::vector<std::string> snapshots_of(std::string_view batch_state) {
+  EnvState batch = decode_env_state(batch_state);
+  if (!batch.started) fail("is of a batch in which no episode has started");
+  std::vector<std::string> snapshots;
+  for (EnvCursor& cursor : batch.envs)
+    snapshots.push_back(encode({.set_hash = batch.set_hash,
+                                .seed = batch.seed,
+                                .first_env = 0,
+                                .total_envs = 1,
+                                .started = true,
+                                .envs = {std::move(cursor)},
+                                .heard = batch.heard}));
+  return snapshots;
+}
+
 }  // namespace earshot

@@ -38,4 +38,8 @@ std::string encode(const EnvState& state);
 /// Throws InputError: not JSON, wrong version, checksum, missing or wrong fields.
 EnvState decode_env_state(std::string_view text);
 
+/// The envs of BatchedEnv::save_state() one by one: snapshots for BatchedEnv::restore(env, snapshot).  Throws InputError as
+/// decode_env_state(), and for a batch in which no episode has started.
+std::vector<std::string> snapshots_of(std::string_view batch_state);
+
 }  // namespace earshot

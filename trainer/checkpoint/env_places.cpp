@@ -21,8 +21,22 @@ EnvPlaces env_places_of(const std::optional<Checkpoint>& resumed, int world_size
     throw InputError(fmt::format("checkpoint of update {}", resumed->update),
                      fmt::format("belongs to a run with {} workers, but this run has {}", resumed->world_size, world_size),
                      "resume with the same number of workers, or allow the change with --change workers");
-  places.begin_anew = true;
+  places.are_moved = true;
   return places;
+}
+
+std::optional<EnvOrigin> origin_of_env(int place, int saved_workers, int saved_envs) {
+  if (place >= saved_workers * saved_envs) return std::nullopt;
+  return EnvOrigin{place / saved_envs, place % saved_envs};
+}
+
+std::string moved_envs_text(int saved_workers, int saved_envs, int workers, int envs) {
+  const int before = saved_workers * saved_envs, now = workers * envs;
+  std::string text = fmt::format("{} workers x {} environments instead of {} x {}: {} environments continue in their order", workers, envs,
+                                 saved_workers, saved_envs, std::min(before, now));
+  if (now > before) text += fmt::format(", {} start with new episodes", now - before);
+  if (now < before) text += fmt::format(", the last {} are dropped", before - now);
+  return text;
 }
 
 }  // namespace earshot

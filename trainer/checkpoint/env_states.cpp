@@ -8,7 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "envs/batch/env_state.h"
 #include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "sim/base/text/log.h"
+#include "trainer/checkpoint/env_places.h"
 
 namespace earshot {
 namespace {
@@ -24,6 +28,11 @@ torch::Tensor tensor_of(const std::string& bytes, torch::IntArrayRef shape) {
     throw RunError("checkpoint", "the workers have hidden states of different sizes");
   std::copy(bytes.begin(), bytes.end(), reinterpret_cast<char*>(tensor.data_ptr<float>()));
   return tensor;
+}
+
+void refuse_bad_state(const torch::Tensor& hidden, const std::filesystem::path& path) {
+  if (!torch::isfinite(hidden).all().item<bool>())
+    throw InputError(path.string(), "contains a recurrent state with non-finite values", "use an earlier checkpoint");
 }
 
 }  // namespace
@@ -50,11 +59,47 @@ void restore_env_states(const Checkpoint& checkpoint, const std::filesystem::pat
         fmt::format("contains the environments of {} workers instead of {}", checkpoint.env_states.size(), identity.world_size),
         "use an earlier checkpoint");
   const auto rank = static_cast<std::size_t>(identity.rank);
-  if (!torch::isfinite(checkpoint.hidden.at(rank)).all().item<bool>())
-    throw InputError(path.string(), "contains a recurrent state with non-finite values", "use an earlier checkpoint");
+  refuse_bad_state(checkpoint.hidden.at(rank), path);
   env.restore(checkpoint.env_states[rank]);
   collector.restore(checkpoint.hidden.at(rank), checkpoint.not_done.at(rank),
                     checkpoint.oracle_acted.empty() ? torch::Tensor() : checkpoint.oracle_acted.at(rank));
+}
+
+void move_env_states(const Checkpoint& checkpoint, const std::filesystem::path& path, WorkerIdentity identity, std::uint64_t seed,
+                     std::uint64_t set_hash, BatchedEnv& env, RolloutCollector& collector) {
+  const std::size_t saved = checkpoint.env_states.size();
+  if (saved == 0 || checkpoint.hidden.size() != saved || checkpoint.not_done.size() != saved)
+    throw InputError(path.string(), "contains no environments", "use an earlier checkpoint");
+  const bool fits = decode_env_state(checkpoint.env_states.front()).set_hash == set_hash;
+  const int num_envs = env.num_envs(), first = identity.rank * num_envs;
+  const int saved_workers = fits ? static_cast<int>(saved) : 0, saved_envs = static_cast<int>(checkpoint.hidden.front().size(0));
+  if (identity.rank == 0)
+    log_info(fits ? moved_envs_text(saved_workers, saved_envs, identity.world_size, num_envs)
+                  : std::string("another episode set: all environments start with new episodes"));
+
+  std::vector<std::uint64_t> seeds;
+  for (int place = first; place < first + num_envs; ++place)
+    seeds.push_back(hash64(fmt::format("begins {} {}", place, checkpoint.update), seed));
+  torch::Tensor hidden = torch::zeros_like(collector.hidden()), not_done = torch::zeros_like(collector.not_done()),
+                oracle_acted = torch::zeros_like(collector.oracle_acted());
+  std::vector<std::vector<std::string>> snapshots(saved);  // of the workers that these environments come from
+  env.reset(std::vector<std::uint8_t>(seeds.size(), 1), seeds);
+  for (int i = 0; i < num_envs; ++i) {
+    const auto origin = origin_of_env(first + i, saved_workers, saved_envs);
+    if (!origin) continue;
+    const auto rank = static_cast<std::size_t>(origin->rank);
+    if (snapshots[rank].empty()) {
+      refuse_bad_state(checkpoint.hidden[rank], path);
+      snapshots[rank] = snapshots_of(checkpoint.env_states[rank]);
+      if (snapshots[rank].size() != static_cast<std::size_t>(saved_envs) || checkpoint.hidden[rank].sizes() != checkpoint.hidden[0].sizes())
+        throw InputError(path.string(), "has workers with different numbers of environments", "use an earlier checkpoint");
+    }
+    env.restore(i, snapshots[rank][static_cast<std::size_t>(origin->env)]);
+    hidden[i] = checkpoint.hidden[rank][origin->env];
+    not_done[i] = checkpoint.not_done[rank][origin->env];
+    if (!checkpoint.oracle_acted.empty()) oracle_acted[i] = checkpoint.oracle_acted.at(rank)[origin->env];
+  }
+  collector.restore(hidden, not_done, oracle_acted);
 }
 
 }  // namespace earshot

@@ -85,8 +85,8 @@ void TrainWorker::restore(const Checkpoint& checkpoint, const std::filesystem::p
                           .steps_before = checkpoint.env_steps,
                           .elapsed_s = 0,
                           .elapsed_before_s = checkpoint.elapsed_s});
-  if (places_.begin_anew)
-    env_.reset();
+  if (places_.are_moved)
+    move_env_states(checkpoint, path, collective_.identity(), config_.seed, set_->hash, env_, collector_);
   else
     restore_env_states(checkpoint, path, collective_.identity(), env_, collector_);
 }

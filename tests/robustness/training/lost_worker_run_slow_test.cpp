@@ -105,7 +105,7 @@ TEST_F(LostWorkerRun, GoesOnWithoutAKilledOne) {
 
 TEST_F(LostWorkerRun, GoesOnWithoutAStoppedOne) { expect_others_go_on(1, SIGSTOP); }
 
-// Another number of workers is declared: weights, optimizer and schedule go on, the environments begin anew.
+// Another number of workers is declared: weights, optimizer and schedule go on, environments in their order.
 TEST_F(LostWorkerRun, ResumesWithAnotherNumberOfWorkers) {
   const int per_worker = kEnvsPerWorker * kRolloutSteps;
   const auto nothing = [](int) {};
