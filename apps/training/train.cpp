@@ -18,6 +18,7 @@
 #include "trainer/collective/collective.h"
 #include "trainer/launch/launcher_job.h"
 #include "trainer/launch/worker_group.h"
+#include "trainer/net/host_address.h"
 #include "trainer/run/effective_config.h"
 #include "trainer/run/field_decision.h"
 #include "trainer/run/planned_acoustics.h"
@@ -35,7 +36,7 @@ struct TrainArguments {
   std::string config, resume;
   std::vector<std::string> overrides, changes;
   int workers = 0;
-  bool overwrite = false, insecure_network = false, join = false, force = false;
+  bool elastic = false, overwrite = false, insecure_network = false, join = false, force = false;
 };
 
 /// The config with the choice that env.accuracy asks for: kept by the run or by the one that is resumed, or made now.  Workers read what
@@ -74,6 +75,21 @@ std::string end_text(const RunConfig& config, const TrainReport& report) {
                      held_out_text(config, report.held_out), report.checkpoint.string());
 }
 
+/// The workers of this run, once all are there.  elastic: whoever does not find the others is to be started again, as they may be.
+std::unique_ptr<Collective> meet(const RingConfig& ring, bool joins, bool elastic) {
+  try {
+    return joins ? make_joining_worker(ring) : make_zmq_ring(ring);
+  } catch (const UnknownHost& error) {  // a pod that has not been placed yet has no name
+    if (elastic) throw WorldLost("rendezvous", error.what());
+    throw;
+  } catch (const WorldLost&) {
+    throw;
+  } catch (const RunError& error) {
+    if (elastic) throw WorldLost("rendezvous", error.what());
+    throw;
+  }
+}
+
 int run_train(const TrainArguments& options, const std::vector<std::string>& arguments) {
   outlive_closed_pipes();
   // Everything that can be wrong with the input is found before a process is started.
@@ -100,12 +116,22 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   if (!is_worker && !std::filesystem::exists(asked.train.file))
     throw InputError(asked.train.file, "does not exist",
                      "write the episode set with 'earshot dataset episodes --config " + options.config + "'");
+  if (options.elastic && (options.join || !options.resume.empty()))
+    throw InputError("--elastic", options.join ? "starts workers together, and --join starts one alone" : "chooses the checkpoint itself",
+                     options.join ? "give only one of them" : "leave out --resume");
   if (options.join && !is_worker)
     throw InputError("--join", "needs a launcher, and no launcher variables are set",
                      "set the environment variables of the lost worker (docs/howto/hosts.md, section 4)");
   if (!is_worker) start.lock = RunLock::acquire(asked.out, "earshot train", run_lock_options(launcher_job()));
   if (!options.resume.empty()) start.resume = find_checkpoint(options.resume);
+  start.elastic = options.elastic;
   start.overwrite = options.overwrite;
+  if (start.elastic) start.resume = newest_checkpoint(asked);
+  if (is_worker && !start.resume.empty() && start.elastic && has_reached_end(asked, load_checkpoint_metadata(start.resume))) {
+    // Others may have ended before this worker was started again.
+    if (launched->ring.identity.rank == 0) fmt::print("the run has ended: {}\n", start.resume.string());
+    return kExitDone;
+  }
   start.changes = options.changes;
   start.remake = "earshot dataset episodes --config " + options.config;
   for (const auto& override : options.overrides) start.remake += " --set " + override;
@@ -130,9 +156,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
     ring.engine = engine_hash();
     ring.settings = common_settings(config);
   }
-  const std::unique_ptr<Collective> collective = !is_worker     ? make_single_worker()
-                                                 : options.join ? make_joining_worker(ring)
-                                                                : make_zmq_ring(ring);
+  const std::unique_ptr<Collective> collective = is_worker ? meet(ring, options.join, options.elastic) : make_single_worker();
   const std::unique_ptr<HeldOutEvaluator> held_out = make_held_out_evaluator(config);
   const TrainReport report = train(config, *collective, start, {.held_out = held_out.get()});
   if (collective->identity().rank == 0) fmt::print("{}", end_text(config, report));
@@ -149,6 +173,9 @@ void add_train(CLI::App& app, const std::vector<std::string>& arguments, int& ex
   command->add_option("--workers", options->workers,
                       "Worker processes on this machine (default: `workers` of the config); not allowed under a launcher");
   command->add_option("--resume", options->resume, "Run folder or checkpoint to continue from");
+  command->add_flag("--elastic", options->elastic,
+                    "Continue the run in `out` from its newest checkpoint with any number of workers; start it if there is none.\n"
+                    "For launchers that restart workers with the same command (docs/howto/elastic.md)");
   command
       ->add_option("--change", options->changes,
                    "With --resume: keys or sections whose values may differ from the checkpoint's; 'engine' allows another build")

@@ -122,8 +122,9 @@ Said from_torchrun(const Variables& variables) {
   require(said.port > 0 && said.port < 65535, "MASTER_PORT", said.port, "must be in [1, 65534]");
   // torchrun's agent may keep a store of its own at that port.
   if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") ++said.port;
-  said.run_id = fmt::format("torchrun {} {}:{} {}", table.text_or("TORCHELASTIC_RUN_ID", "-"), said.host, said.port,
-                            table.text_or("TORCHELASTIC_RESTART_COUNT", "0"));
+  said.run_id = fmt::format("torchrun {} {}:{}", table.text_or("TORCHELASTIC_RUN_ID", "-"), said.host, said.port);
+  // Each agent counts its own restarts: where several have started the workers, the counts may differ.
+  if (said.one_host) said.run_id += " " + table.text_or("TORCHELASTIC_RESTART_COUNT", "0");
   return said;
 }
 

@@ -10,7 +10,8 @@ namespace earshot {
 namespace {
 
 /// Variables of a batch system come first: a launcher inside may choose another name at each start.
-constexpr std::array kJobNames{"SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID", "TORCHELASTIC_RUN_ID", "PMIX_NAMESPACE", kRunIdName};
+/// The user's own name comes before those of launchers inside.
+constexpr std::array kJobNames{"SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID", kRunIdName, "TORCHELASTIC_RUN_ID", "PMIX_NAMESPACE"};
 
 }  // namespace
 

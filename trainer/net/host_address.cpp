@@ -113,8 +113,8 @@ std::string resolve(const std::string& host, std::chrono::steady_clock::time_poi
       return address;
     }
     if (std::chrono::steady_clock::now() >= deadline)
-      throw InputError(host, fmt::format("has no address: {}", status != 0 ? ::gai_strerror(status) : "neither IPv4 nor IPv6"),
-                       "check the name, or set EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT with the address of rank 0");
+      throw UnknownHost(host, fmt::format("has no address: {}", status != 0 ? ::gai_strerror(status) : "neither IPv4 nor IPv6"),
+                        "check the name, or set EARSHOT_RENDEZVOUS=tcp://ADDRESS:PORT with the address of rank 0");
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
   }
 }

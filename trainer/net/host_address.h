@@ -5,7 +5,15 @@
 #include <string>
 #include <string_view>
 
+#include "sim/base/errors.h"
+
 namespace earshot {
+
+/// A host name that no name server knew in time.
+class UnknownHost : public InputError {
+ public:
+  using InputError::InputError;
+};
 
 /// "tcp://HOST:PORT" in parts; HOST without the brackets of IPv6.
 struct TcpAddress {
@@ -22,8 +30,8 @@ bool is_loopback(std::string_view host);
 bool is_numeric_address(const std::string& host);
 
 /// The address of a name, IPv4 or IPv6, numeric; a name that is not known yet is asked for again until the deadline (a pod's name may
-/// appear after its peers start).  Throws InputError: not known by then, or known as an address of the loopback interface, which leads no
-/// other host to us.
+/// appear after its peers start).  Throws UnknownHost where it is not known by then, and InputError where it is an address of the loopback
+/// interface, which leads no other host to us.
 std::string resolve(const std::string& host, std::chrono::steady_clock::time_point deadline);
 
 /// The address of this machine at which packets to `remote` (numeric) start.  Sends nothing.  Throws InputError without a route.

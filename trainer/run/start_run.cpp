@@ -91,10 +91,28 @@ void check_same_run(const RunConfig& config, const RunStart& start) {
 
 }  // namespace
 
+std::filesystem::path newest_checkpoint(const RunConfig& config) {
+  return RunFolder(config.out).checkpoints().empty() ? std::filesystem::path() : find_checkpoint(config.out);
+}
+
+std::vector<std::string> allowed_changes(const RunStart& start) {
+  std::vector<std::string> changes = start.changes;
+  if (start.elastic) changes.emplace_back("workers");
+  return changes;
+}
+
+bool has_reached_end(const RunConfig& config, const CheckpointMetadata& checkpoint) {
+  const bool is_out_of_time =
+      config.schedule == Schedule::minutes && config.max_minutes > 0 && checkpoint.elapsed_s >= 60 * config.max_minutes;
+  return checkpoint.env_steps >= config.total_steps || is_out_of_time;
+}
+
 void refuse_mixed_runs(const RunConfig& config, const RunStart& start) {
+  if (start.overwrite && start.elastic)
+    throw InputError("--overwrite", "would delete the run at each restart of --elastic", "give only one of them");
   if (start.overwrite && !start.resume.empty())
     throw InputError("--overwrite", "would delete the run that --resume continues", "give only one of them");
-  if (!start.changes.empty() && start.resume.empty())
+  if (!start.changes.empty() && start.resume.empty() && !start.elastic)
     throw InputError("--change", "has no effect without --resume", "add --resume, or leave it out");
   const auto checkpoints = RunFolder(config.out).checkpoints();
   if (start.resume.empty() && !checkpoints.empty() && !start.overwrite)
@@ -119,15 +137,17 @@ void prepare_run(const RunConfig& config, const RunStart& start) {
   if (start.overwrite) RunFolder(config.out).remove_run();
 }
 
-RunClaim prepare_run(const RunConfig& config, const RunStart& start, Collective& collective) {
+PreparedRun prepare_run(const RunConfig& config, const RunStart& asked, Collective& collective) {
   const int rank = collective.identity().rank;
+  RunStart start = asked;
   std::shared_ptr<RunLock> lock = start.lock;
   std::exception_ptr refusal;
   std::string message;
   if (rank == 0) try {
       if (!lock) lock = RunLock::acquire(config.out, "earshot train", run_lock_options(launcher_job()));
+      if (start.elastic) start.resume = newest_checkpoint(config);
       prepare_run(config, start);
-      message = kStarts + lock->run();
+      message = kStarts + lock->run() + "\n" + start.resume.string();
     } catch (const std::exception& error) {
       refusal = std::current_exception();
       message = error.what();
@@ -135,7 +155,10 @@ RunClaim prepare_run(const RunConfig& config, const RunStart& start, Collective&
   const std::string decision = collective.all_gather(message).front();
   if (refusal) std::rethrow_exception(refusal);
   if (!decision.starts_with(kStarts)) throw InputError(worker_name(rank), "rank 0 refuses to start: " + decision, "");
-  return {config.out, std::move(lock), decision.substr(kStarts.size()), start.lock != nullptr};
+  const std::size_t end = decision.find('\n');
+  if (start.elastic) start.resume = decision.substr(end + 1);
+  return {RunClaim(config.out, std::move(lock), decision.substr(kStarts.size(), end - kStarts.size()), asked.lock != nullptr),
+          start.resume};
 }
 
 }  // namespace earshot

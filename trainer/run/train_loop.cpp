@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/run/train_loop.h"
 
+#include <fmt/format.h>
+
 #include <cstdio>
+#include <filesystem>
 #include <utility>
 
 #include "policy/torch_threads.h"
@@ -15,15 +18,19 @@ TrainReport train(const RunConfig& config, Collective& collective, const RunStar
   // One thread per worker: the fast setting on shared cores, and the one that gives the same bits (docs/explanation/ppo.md, section 4).
   use_one_torch_thread();
   RunClaim claim(config.out, start.lock, start.lock ? start.lock->run() : "", start.lock != nullptr);
-  if (collective.is_joining())
+  std::filesystem::path resume;  // none for a worker that joins: it gets from the others what they have made of the checkpoint
+  if (collective.is_joining()) {
     refuse_stale_episodes(config, start);
-  else
-    claim = prepare_run(config, start, collective);
+  } else {
+    PreparedRun prepared = prepare_run(config, start, collective);
+    claim = std::move(prepared.claim);
+    resume = std::move(prepared.resume);
+  }
   if (collective.identity().rank == 0 && !collective.is_joining() && !start.note.empty()) std::puts(start.note.c_str());
+  if (collective.identity().rank == 0 && start.elastic && !resume.empty())
+    std::puts(fmt::format("continuing from {} with {} workers", resume.string(), collective.identity().world_size).c_str());
   const StopSignals signals;
-  // A worker that joins gets from the others what they have made of the checkpoint.
-  const std::filesystem::path resume = collective.is_joining() ? std::filesystem::path() : start.resume;
-  return TrainWorker(config, collective, worker_start(collective, resume, start.changes), resume, std::move(claim), hooks).run();
+  return TrainWorker(config, collective, worker_start(collective, resume, allowed_changes(start)), resume, std::move(claim), hooks).run();
 }
 
 }  // namespace earshot

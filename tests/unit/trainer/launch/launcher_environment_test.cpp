@@ -80,6 +80,9 @@ TEST(LauncherEnvironment, ReadsEveryTable) {
   EXPECT_EQ(worker_of(kTorchrun).ring.rendezvous, "tcp://10.1.0.1:29501") << "29500 is the agent's own store";
   EXPECT_EQ(worker_of(with(kTorchrun, {{"TORCHELASTIC_USE_AGENT_STORE", "False"}})).ring.rendezvous, "tcp://10.1.0.1:29500");
   EXPECT_EQ(worker_of(with(kTorchrun, {{"MASTER_ADDR", "fd00::1"}})).ring.rendezvous, "tcp://[fd00::1]:29501");
+  for (const char* loopback : {"::1", "[::1]"})
+    EXPECT_EQ(worker_of(with(kTorchrun, {{"MASTER_ADDR", loopback}})).ring.rendezvous, "tcp://[::1]:29501");
+  EXPECT_EQ(worker_of(with(kTorchrun, {{"MASTER_ADDR", "localhost"}})).ring.rendezvous, "tcp://localhost:29501");
 
   expect_identity(worker_of(kOpenMpi), "Open MPI", 1, 2);
   expect_identity(worker_of(kHydra), "MPICH", 1, 3);
@@ -102,6 +105,17 @@ TEST(LauncherEnvironment, RanksOfOneHostMeetInAFolderOfTheirUser) {
   EXPECT_NE(worker_of(kOpenMpi).folder, worker_of(with(kOpenMpi, {{"PMIX_NAMESPACE", "3235"}})).folder);
   EXPECT_NE(worker_of(one_node).folder, worker_of(with(one_node, {{"SLURM_STEP_ID", "1"}})).folder);
   EXPECT_NE(worker_of(one_node).folder, worker_of(with(one_node, {{"SLURM_RESTART_COUNT", "1"}})).folder) << "a requeued job";
+}
+
+// Each agent counts its own restarts.  Workers of several agents have to name their run alike all the same.
+TEST(LauncherEnvironment, TheNameOfARunOfSeveralAgentsHasNoCountOfRestarts) {
+  const auto again = [](const Variables& variables, const char* count) {
+    return worker_of(with(variables, {{"TORCHELASTIC_RESTART_COUNT", count}})).ring.run_id;
+  };
+  EXPECT_EQ(again(kTorchrun, "0"), again(kTorchrun, "3"));
+  const Variables one_host = with(kTorchrun, {{"LOCAL_WORLD_SIZE", "4"}});
+  EXPECT_NE(again(one_host, "0"), again(one_host, "3"));
+  EXPECT_NE(again(kTorchrun, "0"), again(with(kTorchrun, {{"MASTER_PORT", "29502"}}), "0"));
 }
 
 TEST(LauncherEnvironment, PortOfAMeetingPointIsAFunctionOfTheRunWithinItsRange) {

@@ -124,6 +124,7 @@ TEST(LauncherJob, IsTheOutermostName) {
   EXPECT_EQ(launcher_job(Variables{}), "");
   EXPECT_EQ(launcher_job(Variables{{"EARSHOT_RUN_ID", "a"}}), "EARSHOT_RUN_ID a");
   EXPECT_EQ(launcher_job(Variables{{"EARSHOT_RUN_ID", "a"}, {"SLURM_JOB_ID", "12"}, {"SLURM_RESTART_COUNT", "1"}}), "SLURM_JOB_ID 12");
+  EXPECT_EQ(launcher_job(Variables{{"EARSHOT_RUN_ID", "a"}, {"PMIX_NAMESPACE", "7"}}), "EARSHOT_RUN_ID a") << "another one at each mpirun";
   EXPECT_EQ(launcher_job(Variables{{"TORCHELASTIC_RUN_ID", "b"}, {"TORCHELASTIC_RESTART_COUNT", "3"}}), "TORCHELASTIC_RUN_ID b");
 }
 

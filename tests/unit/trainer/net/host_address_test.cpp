@@ -23,9 +23,35 @@ TEST(HostAddress, TcpAddressesHaveAHostAndAPort) {
   expect("tcp://train-0.train:29400", "train-0.train", 29400);
   expect("tcp://[fd00::1]:65535", "fd00::1", 65535);
   expect("tcp://127.0.0.1:*", "127.0.0.1", 0);
-  for (const char* text :
-       {"", "tcp://", "tcp://:80", "tcp://h", "tcp://h:", "tcp://h:0", "tcp://h:65536", "tcp://h:8x", "tcp://h:-1", "tcp://*:80",
-        "tcp://fd00::1:80", "tcp://[h]:80", "tcp://[]:80", "udp://h:80", "tcp://h h:80", "tcp://h/x:80", "tcp://h\n:80"})
+  expect("tcp://[::1]:29400", "::1", 29400);
+  expect("tcp://localhost:29400", "localhost", 29400);
+  for (const char* text : {"",
+                           "tcp://",
+                           "tcp://:80",
+                           "tcp://h",
+                           "tcp://h:",
+                           "tcp://h:0",
+                           "tcp://h:65536",
+                           "tcp://h:8x",
+                           "tcp://h:-1",
+                           "tcp://*:80",
+                           "tcp://fd00::1:80",
+                           "tcp://[h]:80",
+                           "tcp://[]:80",
+                           "udp://h:80",
+                           "tcp://h h:80",
+                           "tcp://h/x:80",
+                           "tcp://h\n:80",
+                           "tcp://::1:80",
+                           "tcp://[::1]",
+                           "tcp://[::1:80",
+                           "tcp://::1]:80",
+                           "tcp://[::1]80",
+                           "tcp://[[::1]]:80",
+                           "tcp://[::1]:29500:80",
+                           "tcp://[127.0.0.1]:80",
+                           "[::1]:80",
+                           "localhost:80"})
     EXPECT_THROW(parse_tcp(text), InputError) << text;
 }
 
@@ -41,7 +67,9 @@ TEST(HostAddress, NamesAndInterfacesBecomeNumbers) {
   EXPECT_EQ(resolve("localhost", now), "127.0.0.1");
   EXPECT_EQ(resolve("192.0.2.7", now), "192.0.2.7");
   EXPECT_EQ(resolve("fd00::7", now), "fd00::7");
-  EXPECT_THROW(resolve("no-such-host.invalid", now), InputError);
+  EXPECT_EQ(resolve("::1", now), "::1");
+  EXPECT_THROW(resolve("no-such-host.invalid", now), UnknownHost);
+  EXPECT_THROW(resolve("127.0.0.1.", now), InputError);
   EXPECT_EQ(local_address_towards({"127.0.0.1", 80}), "127.0.0.1");
   EXPECT_EQ(address_of_interface("lo", ""), "127.0.0.1");
   EXPECT_EQ(address_of_interface("127.0.0.1", "10.0.0.1"), "127.0.0.1");

@@ -214,5 +214,47 @@ TEST_F(StartRun, AllWorkersStopWhenRankZeroRefuses) {
   EXPECT_EQ(decide({free, config()}), (std::array<std::string, 2>{"starts", "starts"}));
 }
 
+TEST_F(StartRun, AnElasticStartTakesAnyNumberOfWorkersAndNoOtherChange) {
+  EXPECT_EQ(refusal(config(), {.elastic = true}), "starts");
+  EXPECT_EQ(newest_checkpoint(config()), "");
+  const auto checkpoint = write_checkpoint("run/checkpoints/last.ckpt");
+  EXPECT_EQ(newest_checkpoint(config()), checkpoint);
+  EXPECT_EQ(refusal(config({"workers=4"}), {.resume = checkpoint, .elastic = true}), "starts");
+  EXPECT_THAT(refusal(config({"ppo.clip=0.1"}), {.resume = checkpoint, .elastic = true}), HasSubstr("--change ppo.clip"));
+  EXPECT_EQ(refusal(config({"ppo.clip=0.1"}), {.resume = checkpoint, .elastic = true, .changes = {"ppo.clip"}}), "starts");
+  EXPECT_THAT(refusal(config(), {.elastic = true, .overwrite = true}), HasSubstr("--elastic"));
+  EXPECT_TRUE(std::filesystem::exists(checkpoint));
+}
+
+TEST_F(StartRun, TheEndOfARunIsThatOfItsSchedule) {
+  CheckpointMetadata saved;
+  saved.env_steps = 1000;
+  saved.elapsed_s = 90;
+  EXPECT_TRUE(has_reached_end(config({"total_steps=1000"}), saved));
+  EXPECT_FALSE(has_reached_end(config({"total_steps=1001"}), saved));
+  EXPECT_FALSE(has_reached_end(config({"total_steps=1001", "max_minutes=1"}), saved)) << "of one sitting";
+  EXPECT_TRUE(has_reached_end(config({"total_steps=1001", "max_minutes=1", "schedule=minutes"}), saved));
+  EXPECT_FALSE(has_reached_end(config({"total_steps=1001", "max_minutes=2", "schedule=minutes"}), saved));
+}
+
+// Whatever another rank sees of the folder before.
+TEST_F(StartRun, AllWorkersTakeTheCheckpointOfRankZero) {
+  TwoWorkers workers;
+  const auto older = write_checkpoint("other/checkpoints/last.ckpt"), newest = write_checkpoint("run/checkpoints/last.ckpt");
+  for (const std::string& first : {path("run"), path("none")}) {
+    std::array<std::filesystem::path, 2> taken;
+    std::vector<std::thread> threads;
+    for (int rank = 0; rank < 2; ++rank)
+      threads.emplace_back([&, rank] {
+        TwoWorkers::Worker worker = workers.worker(rank);
+        const RunStart start{.resume = rank == 0 ? std::filesystem::path() : older, .elastic = true};
+        taken[static_cast<std::size_t>(rank)] = prepare_run(config({"out=" + first}), start, worker).resume;
+      });
+    for (std::thread& thread : threads) thread.join();
+    const std::filesystem::path expected = first == path("run") ? newest : std::filesystem::path();
+    EXPECT_EQ(taken, (std::array{expected, expected}));
+  }
+}
+
 }  // namespace
 }  // namespace earshot
