@@ -7,47 +7,14 @@
 #include <filesystem>
 #include <thread>
 
-#include "tests/support/programs/train_cli.h"
+#include "tests/support/programs/launchers_cli.h"
 #include "tests/support/workers/host_namespaces.h"
 #include "tests/support/workers/slurm_node.h"
-#include "trainer/checkpoint/checkpoint_format.h"
 
 namespace earshot {
 namespace {
 
 using testing::HasSubstr;
-
-class LaunchersCli : public TrainCli {
- protected:
-  LaunchersCli() {
-    ::setenv("EARSHOT", earshot_program().c_str(), 1);
-    for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"}) ::setenv(name, "1", 1);
-  }
-  void SetUp() override { expect_done("dataset episodes --config " + config_); }
-  [[nodiscard]] static std::string launch(const std::string& name) { return source_dir() / "configs" / "launch" / name; }
-  /// Runs a shell command; its output and errors together.
-  [[nodiscard]] Outcome shell(const std::string& command) const {
-    const int status = std::system(("{ " + command + "; } >" + path("output") + " 2>&1 </dev/null").c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(path("output"))};
-  }
-  void expect_done_by(const std::string& command) const {
-    const Outcome outcome = shell(command);
-    EXPECT_EQ(outcome.exit_code, 0) << command << "\n" << outcome.text;
-  }
-  /// Hash of the weights and of what the optimizer knows at the end of the run in that folder.
-  [[nodiscard]] std::uint64_t bits_of(const std::string& run) const {
-    const std::string where = path(run + "/checkpoints/last.ckpt"), file = read_file(where);
-    const msgpack::object_handle body = unpack_checkpoint(file, where);
-    msgpack::sbuffer bytes;
-    for (const char* field : {"weights", "optimizer"}) msgpack::pack(bytes, CheckpointFields(where).field(body.get(), field));
-    return hash64(std::string_view(bytes.data(), bytes.size()));
-  }
-  [[nodiscard]] std::uint64_t bits_of_our_spawn(const std::string& options = "") const {
-    expect_done("train " + config_ + " --workers 2 out=" + path("ours") + options);
-    return bits_of("ours");
-  }
-  const std::string config_ = path("tiny.yaml");
-};
 
 TEST_F(LaunchersCli, TwoHostsWithKeysGiveTheBitsOfOne) {
   const HostNamespaces hosts(2);
@@ -80,7 +47,7 @@ TEST_F(LaunchersCli, MpirunGivesTheBitsOfOurSpawn) {
 
 TEST_F(LaunchersCli, TorchrunGivesTheBitsOfOurSpawn) {
   if (!has_program("torchrun")) GTEST_SKIP() << "torchrun is not installed (python3-torch)";
-  expect_done_by("MASTER_PORT=" + std::to_string(free_port()) + " " + launch("torchrun.sh") + " 2 " + config_ + " out=" + path("torchrun"));
+  expect_done_by(launch("torchrun.sh") + " 2 " + config_ + " out=" + path("torchrun"));
   EXPECT_EQ(bits_of("torchrun"), bits_of_our_spawn());
 }
 
@@ -102,18 +69,16 @@ TEST_F(LaunchersCli, SlurmGivesTheBitsOfOurSpawnAcrossARequeue) {
   const auto state_is = [&](const std::string& state) {
     return shell("squeue -h -t all -j " + job + " -o %T").text.find(state) != std::string::npos;
   };
-  ASSERT_TRUE(
-      wait_until([&] { return std::filesystem::exists(path("slurm_run/checkpoints/update_000003.ckpt")); }, std::chrono::seconds(60)))
-      << log();
+  ASSERT_TRUE(wait_until([&] { return std::filesystem::exists(path("slurm_run/checkpoints/update_000003.ckpt")); }, 60)) << log();
   expect_done_by("scancel --batch --signal=USR1 " + job);
-  ASSERT_TRUE(wait_until([&] { return state_is("PENDING"); }, std::chrono::seconds(60))) << log();
+  ASSERT_TRUE(wait_until([&] { return state_is("PENDING"); }, 60)) << log();
   const std::uint64_t half_way = bits_of("slurm_run");
   // Slurm lets a queued job wait for two minutes, and sets that time shortly after it shows the job as pending: asked for until it holds.
   const auto completed = [&] {
     if (state_is("PENDING")) static_cast<void>(shell("scontrol update jobid=" + job + " StartTime=now"));
     return state_is("COMPLETED");
   };
-  ASSERT_TRUE(wait_until(completed, std::chrono::seconds(90))) << log() << shell("scontrol show job " + job).text;
+  ASSERT_TRUE(wait_until(completed, 90)) << log() << shell("scontrol show job " + job).text;
   EXPECT_NE(bits_of("slurm_run"), half_way);
   EXPECT_EQ(bits_of("slurm_run"), bits_of_our_spawn(steps)) << log();
 }
