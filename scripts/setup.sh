@@ -54,6 +54,7 @@ packages='
   iproute2                 6.1.0-3                    6.15.0-1
   openmpi-bin              4.1.4-3+b1                 5.0.7-1
   slurm-wlm                22.05.8-4+deb12u3          24.11.5-4+deb13u1
+  python3-torch            1.13.1+dfsg-4              2.6.0+dfsg-7
   libbenchmark-dev         1.7.1-1                    1.9.1-1
   clang-14                 1:14.0.6-12                -
   libclang-rt-14-dev       1:14.0.6-12                -

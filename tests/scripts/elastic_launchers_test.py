@@ -4,7 +4,8 @@ killed; then 3, to the end.  After each loss the run goes on from its last whole
 
   elastic_launchers_test.py EARSHOT [torchrun] [mpirun] [slurm] [--steps A,B,C]
 
---steps: numbers of workers change from A and from B steps on, and the run ends at C steps; prints the curve, for docs/evidence/workers.md.
+--steps: numbers of workers change from A and from B steps on, and the run ends at C steps.  Prints the curve, and those of runs of 2, 3 and 4 workers
+that nothing disturbs, for docs/evidence/workers.md.
 """
 import os
 import pathlib
@@ -226,6 +227,12 @@ def main(earshot, names, steps):
             print(f"{name}: {', '.join(f'{numbers.count(n)} updates of {n} workers' for n in (2, 4, 3))} in {time.monotonic() - began:.0f} s", flush=True)
             if steps:
                 print(f"| {name} | {curve_text(points)} |", flush=True)
+    for workers in (2, 3, 4) if steps else ():
+        with tempfile.TemporaryDirectory() as folder:
+            run = Run(folder, earshot, steps[2])
+            process = start(run, [earshot, "train", run.config, "--workers", workers])
+            run.wait(lambda: process.poll() is not None, "the end")
+            print(f"| {workers} workers, undisturbed | {curve_text(run.points())} |", flush=True)
     if missing:
         print("skipped: " + "; ".join(missing))
         return 77
