@@ -10,7 +10,8 @@ set(libraries_core api sim sim_base sim_rays sim_scene sim_audio sim_acoustics s
 set(libraries_datasets api_datasets datasets)
 if(EARSHOT_BUILD_TRAINING)
   list(APPEND parts training)
-  set(libraries_training api_training policy policy_plain trainer trainer_plain trainer_net trainer_launch trainer_collective evaluation
+  set(libraries_training api_training policy policy_plain trainer trainer_plain trainer_net trainer_launch trainer_collective trainer_mpi
+                         evaluation
                          evaluation_plain)
   install(TARGETS earshot COMPONENT program)
   install(TARGETS earshot_training RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/earshot COMPONENT program)

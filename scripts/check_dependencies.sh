@@ -20,7 +20,7 @@ done
 
 # Where the compiler looks, and the folders that CMake adds.
 folders=$(LC_ALL=C g++ -xc++ -E -v /dev/null 2>&1 >/dev/null | sed -n '/^#include </,/^End/s/^ //p')
-folders+=" /usr/include/recastnavigation /usr/include/torch/csrc/api/include /usr/include/hdf5/serial"
+folders+=" /usr/include/recastnavigation /usr/include/torch/csrc/api/include /usr/include/hdf5/serial $(echo /usr/include/*/mpi)"
 
 find_header() {
   local folder

@@ -83,6 +83,7 @@ OWNED = [
     (r"hdf5", r"sim/sofa/"),
     (r"yaml-cpp", r"sim/base/text/config_reader\.cpp|sim/base/text/config_tree\.cpp"),
     (r"yaml\.h", r"sim/base/text/yaml_events\.h"),
+    (r"mpi\.h", r"trainer/collective/mpi/"),
     (r"zmq", r"trainer/net/|trainer/collective/|bench/training/"),
     (r"torch", rf"policy/|trainer/|{QUESTIONS_OF_THE_LEARNER}"),
 ]

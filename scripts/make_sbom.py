@@ -32,7 +32,7 @@ from urllib.parse import quote
 ROOT = Path(__file__).resolve().parents[1]
 # Headers (and a script, three.js) that end up inside the files; installed packages among them are listed.
 COMPILED_IN = {
-    "program": ["libglm-dev", "nlohmann-json3-dev", "libcli11-dev", "cppzmq-dev", "libmsgpack-cxx-dev", "libgloo-dev", "libjs-three"],
+    "program": ["libglm-dev", "nlohmann-json3-dev", "libcli11-dev", "cppzmq-dev", "libmsgpack-cxx-dev", "libgloo-dev", "libopenmpi-dev", "libjs-three"],
     "wheel": ["libglm-dev", "nlohmann-json3-dev"],
 }
 unknown: list[str] = []

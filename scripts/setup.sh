@@ -53,6 +53,7 @@ packages='
   libgmock-dev             1.12.1-0.2                 1.16.0-1
   iproute2                 6.1.0-3                    6.15.0-1
   openmpi-bin              4.1.4-3+b1                 5.0.7-1
+  libopenmpi-dev           4.1.4-3+b1                 5.0.7-1
   slurm-wlm                22.05.8-4+deb12u3          24.11.5-4+deb13u1
   python3-torch            1.13.1+dfsg-4              2.6.0+dfsg-7
   libbenchmark-dev         1.7.1-1                    1.9.1-1

@@ -12,11 +12,16 @@
 #include "sim/base/process/exit_codes.h"
 #include "sim/base/process/machine_limits.h"
 #include "sim/base/temporary_folder.h"
+#include "sim/base/text/log.h"
 #include "trainer/checkpoint/find_checkpoint.h"
 #include "trainer/checkpoint/run_folder.h"
 #include "trainer/checkpoint/run_lock.h"
 #include "trainer/collective/collective.h"
+#include "trainer/collective/gloo_exchange.h"
+#include "trainer/collective/mpi/mpi_exchange.h"
+#include "trainer/collective/worker_exchange.h"
 #include "trainer/launch/launcher_job.h"
+#include "trainer/launch/transport.h"
 #include "trainer/launch/worker_group.h"
 #include "trainer/net/host_address.h"
 #include "trainer/run/effective_config.h"
@@ -75,10 +80,26 @@ std::string end_text(const RunConfig& config, const TrainReport& report) {
                      held_out_text(config, report.held_out), report.checkpoint.string());
 }
 
+/// What rank 0 says of the workers and of what connects them.
+void announce(const LaunchedWorker& launched) {
+  const RingConfig& ring = launched.ring;
+  const bool is_ring = ring.network.collective == Transport::zeromq;
+  if (launched.launcher != "EARSHOT_RANK")
+    fmt::print("{} workers started by {}, {}\n", ring.identity.world_size, launched.launcher,
+               is_ring ? "rendezvous at " + ring.rendezvous : "connected by " + name_of(ring.network.collective));
+  if (!is_ring) log_info(fmt::format("workers are connected by {}: {}", name_of(ring.network.collective), launched.transport_reason));
+}
+
+std::unique_ptr<Collective> connect(const RingConfig& ring, bool joins) {
+  if (ring.network.collective == Transport::mpi) return make_ordered_collective(join_mpi(ring));
+  if (ring.network.collective == Transport::gloo) return make_ordered_collective(join_gloo(ring));
+  return joins ? make_joining_worker(ring) : make_zmq_ring(ring);
+}
+
 /// The workers of this run, once all are there.  elastic: whoever does not find the others is to be started again, as they may be.
 std::unique_ptr<Collective> meet(const RingConfig& ring, bool joins, bool elastic) {
   try {
-    return joins ? make_joining_worker(ring) : make_zmq_ring(ring);
+    return connect(ring, joins);
   } catch (const UnknownHost& error) {  // a pod that has not been placed yet has no name
     if (elastic) throw WorldLost("rendezvous", error.what());
     throw;
@@ -105,7 +126,13 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
                      fmt::format("starts processes on this machine, but {} has already started {} workers", launched->launcher,
                                  launched->ring.identity.world_size),
                      "leave out --workers, and set the number of workers in the launcher");
-  if (!is_worker && workers > 1) static_cast<void>(temporary_parent());  // where they are to meet
+  if (!is_worker && workers > 1) {
+    static_cast<void>(temporary_parent());  // where they are to meet
+    static_cast<void>(choose_transport(asked.network, workers, false));
+  }
+  if (options.join)
+    require(asked.network.collective == Transport::automatic || asked.network.collective == Transport::zeromq, "network.collective",
+            name_of(asked.network.collective), "takes no workers that join: --join needs zeromq");
   RunStart start;
   if (is_worker) start.lock = RunLock::inherited(asked.out);
   // The process that has started its workers itself has counted them.
@@ -148,9 +175,7 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
     return spawn_workers(workers, arguments, kGrace, config.network.on_loss, config.network.restarts, handed);
   }
 
-  if (is_worker && launched->launcher != "EARSHOT_RANK" && launched->ring.identity.rank == 0)
-    fmt::print("{} workers started by {}, rendezvous at {}\n", launched->ring.identity.world_size, launched->launcher,
-               launched->ring.rendezvous);
+  if (is_worker && launched->ring.identity.rank == 0) announce(*launched);
   RingConfig ring = is_worker ? launched->ring : RingConfig{};
   if (config.network.on_loss == OnLoss::go_on) {
     ring.engine = engine_hash();

@@ -7,7 +7,6 @@
 
 #include "sim/base/errors.h"
 #include "trainer/collective/collective.h"
-#include "trainer/net/tree_shape.h"
 
 namespace earshot {
 namespace {
@@ -70,8 +69,10 @@ ScalingPrediction predict_update(const UpdateWork& work, const LinkSpeed& link, 
   if (P <= kMaxMeshWorkers) {
     prediction.reduce_s = work.sums * sum_s + work.exchanges * (link.exchange_s + (P - 2) * message_s);
   } else {
-    const double call_s = 2 * tree_depth(P) * (link.exchange_s + (kTreeChildren - 1) * message_s);
-    prediction.reduce_s = work.sums * (sum_s + call_s) + work.exchanges * call_s;
+    // Rank 0 hears all and answers all; then the bytes go as P - 1 messages each way instead of by steps.
+    const double call_s = 2 * (link.exchange_s + (P - 2) * message_s);
+    const double bytes_s = std::max(sent_bytes / link.bytes_per_s, per_core * sent_bytes * link.byte_s);
+    prediction.reduce_s = work.sums * (call_s + 2 * (P - 1) * message_s + bytes_s) + work.exchanges * call_s;
   }
   return prediction;
 }

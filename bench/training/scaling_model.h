@@ -57,8 +57,8 @@ struct ScalingPrediction {
 /// - A sum: 2 (P - 1) steps of the ring and 2 (P - 1) / P of the bytes over the slowest link, or, where that is longer, the processor time
 ///   for those bytes of all workers of a host, over its cores.
 /// - A small call: an exchange, and for each worker beyond two the processor time of another message, times the workers that share a core,
-///   up to 64 workers; beyond, on each level of the tree (tree_shape.h), up and down, an exchange and the messages of seven more
-///   children, and one such call more for each sum (tree_collective.h).
+///   up to 64 workers; beyond (MPI), rank 0 hears from all and answers all, and a sum is such a call and two exchanges of P - 1 messages
+///   with the same bytes (trainer/collective/worker_exchange.h).
 ScalingPrediction predict_update(const UpdateWork& work, const LinkSpeed& link, const WorkerLayout& layout);
 
 /// Steps per second and worker, in those of one worker alone.

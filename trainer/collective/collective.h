@@ -77,7 +77,7 @@ class Collective {
 std::unique_ptr<Collective> make_single_worker();
 
 /// Ring over ZeroMQ (docs/explanation/ppo.md, section 6): reduce-scatter and all-gather in 1 MiB chunks, MessagePack control messages,
-/// version and run id checked.  With more than kMaxMeshWorkers all but large sums go through a tree, with the same bits.
+/// version and run id checked.  Up to kMaxMeshWorkers; for more, or by choice, worker_exchange.h.
 std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config);
 
 /// A worker that joins a run under way in place of a lost one: same run id, world size and meeting point as at the start of the

@@ -12,27 +12,6 @@ namespace {
 
 constexpr std::size_t kSharedChunk = 256 * 1024;  // bytes; two buffers of two workers stay in a cache of 1 MiB
 
-/// target[0, count) = the sum over ranks of the elements [begin, begin + count) of the buffer, in the stated order.  slot_of(rank): where
-/// that worker's element `begin` lies.
-template <class T, class SlotOf>
-void sum_in_order(T* target, std::size_t begin, std::size_t count, std::size_t total, int world_size, const SlotOf& slot_of) {
-  const auto world = static_cast<std::size_t>(world_size);
-  const bool small = total * sizeof(T) < kSmallSumBytes;
-  for (std::size_t segment = 0; segment < (small ? 1 : world); ++segment) {
-    const std::size_t first = small ? begin : std::max(begin, segment_start(total, segment, world));
-    const std::size_t last = small ? begin + count : std::min(begin + count, segment_start(total, segment + 1, world));
-    for (std::size_t block = first; block < last; block += kSumBlock) {
-      const std::size_t offset = block - begin, length = std::min(kSumBlock, last - block);
-      T* const sum = target + offset;
-      std::memcpy(sum, slot_of(static_cast<int>(segment)) + offset, length * sizeof(T));
-      for (std::size_t k = 1; k < world; ++k) {
-        const T* const addend = slot_of(static_cast<int>((segment + k) % world)) + offset;
-        for (std::size_t i = 0; i < length; ++i) sum[i] += addend[i];
-      }
-    }
-  }
-}
-
 }  // namespace
 
 // Layout: a counter per worker, then two buffers of a slot per worker and one slot of results.

@@ -11,7 +11,6 @@
 #include "trainer/collective/abandon_on_error.h"
 #include "trainer/collective/ring_sum.h"
 #include "trainer/collective/sum_order.h"
-#include "trainer/collective/tree_collective.h"
 #include "trainer/net/rendezvous.h"
 
 namespace earshot {
@@ -261,7 +260,6 @@ std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {
   validate(config);
   if (config.identity.world_size == 1) return make_single_worker();
   try {
-    if (config.identity.world_size > kMaxMeshWorkers) return std::make_unique<TreeCollective>(config);
     return std::make_unique<ZmqRing>(config);
   } catch (const zmq::error_t& error) {
     throw RunError(fmt::format("rendezvous {}", config.rendezvous), error.what());

@@ -59,6 +59,11 @@ std::string shown(std::string text) {
   return text;
 }
 
+std::string tcp_address(const std::string& host, int port) {
+  const bool ipv6 = host.find(':') != std::string::npos && !host.starts_with('[');
+  return ipv6 ? fmt::format("tcp://[{}]:{}", host, port) : fmt::format("tcp://{}:{}", host, port);
+}
+
 /// The variables of one launcher.
 class Table {
  public:
@@ -106,6 +111,7 @@ struct Said {
   std::string host;  ///< of rank 0
   int port = 0;      ///< 0: any in the range that is a function of the run id
   std::string run_id;
+  std::string store = {};  ///< torchrun's
 };
 
 Said from_torchrun(const Variables& variables) {
@@ -121,7 +127,7 @@ Said from_torchrun(const Variables& variables) {
   said.port = table.number("MASTER_PORT");
   require(said.port > 0 && said.port < 65535, "MASTER_PORT", said.port, "must be in [1, 65534]");
   // torchrun's agent may keep a store of its own at that port.
-  if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") ++said.port;
+  if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") said.store = tcp_address(said.host, said.port++);  // and meet beside it
   said.run_id = fmt::format("torchrun {} {}:{}", table.text_or("TORCHELASTIC_RUN_ID", "-"), said.host, said.port);
   // Each agent counts its own restarts: where several have started the workers, the counts may differ.
   if (said.one_host) said.run_id += " " + table.text_or("TORCHELASTIC_RESTART_COUNT", "0");
@@ -201,14 +207,9 @@ std::filesystem::path meeting_folder(const std::string& run_id) {
   return parent_of_sockets() / fmt::format("earshot-{}-{}", ::geteuid(), hex64(hash64(run_id, 0)));
 }
 
-std::string tcp_address(const std::string& host, int port) {
-  const bool ipv6 = host.find(':') != std::string::npos && !host.starts_with('[');
-  return ipv6 ? fmt::format("tcp://[{}]:{}", host, port) : fmt::format("tcp://{}:{}", host, port);
-}
-
 }  // namespace
 
-std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port, int last_port) {
+std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_port, int last_port, Transport collective) {
   const Table earshot_variables(variables, "Earshot");
   const bool complete = earshot_variables.has(kRankName) && earshot_variables.has(kWorldSizeName) &&
                         earshot_variables.has(kRendezvousName) && earshot_variables.has(kRunIdName);
@@ -238,6 +239,8 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
   if (world_size == 1) return std::nullopt;
 
   worker.launcher = said->launcher;
+  worker.has_pmix = variables.contains("PMIX_RANK") && variables.contains("PMIX_NAMESPACE");
+  if (!earshot_variables.has(kRendezvousName)) worker.ring.launcher_store = said->store;
   worker.ring.identity = said->identity;
   worker.ring.run_id = earshot_variables.has(kRunIdName) ? earshot_variables.text(kRunIdName) : said->run_id;
   if (worker.ring.run_id.empty())
@@ -252,7 +255,7 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
     const auto num_ports = static_cast<std::uint64_t>(last_port - first_port + 1);
     const int port = said->port > 0 ? said->port : first_port + static_cast<int>(hash64(worker.ring.run_id, 1) % num_ports);
     worker.ring.rendezvous = tcp_address(said->host, port);
-  } else {
+  } else if (!worker.has_pmix || !(collective == Transport::mpi || (collective == Transport::automatic && world_size > kMaxMeshWorkers))) {
     throw InputError(kRendezvousName, fmt::format("is not set, and {} does not provide the address of rank 0", said->launcher),
                      "set EARSHOT_RENDEZVOUS=tcp://HOST:PORT in all workers, with the host of rank 0");
   }

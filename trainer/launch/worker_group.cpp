@@ -25,6 +25,7 @@
 #include "sim/base/files.h"
 #include "sim/base/process/exit_codes.h"
 #include "sim/base/temporary_folder.h"
+#include "trainer/launch/transport.h"
 #include "trainer/launch/worker_names.h"
 #include "trainer/net/curve_keys.h"
 #include "trainer/net/host_address.h"
@@ -282,12 +283,20 @@ class WorkerGroup {
 
 std::optional<LaunchedWorker> worker_from_environment(const NetworkConfig& network) {
   const PortRange ports = ports_of(network);
-  auto worker = ports.first > 0 ? worker_from(launcher_variables(), ports.first, ports.last) : worker_from(launcher_variables());
+  const Variables variables = launcher_variables();
+  auto worker = ports.first > 0 ? worker_from(variables, ports.first, ports.last, network.collective)
+                                : worker_from(variables, 20000, 29999, network.collective);
   if (!worker) return std::nullopt;
   worker->ring.network = network;
   worker->ring.timeout = kCollectiveTimeout;
   if (network.on_loss == OnLoss::go_on) worker->ring.heartbeat = kShortHeartbeat;
+  validate_world(worker->ring.identity.world_size, network.on_loss);
+  ChosenTransport chosen = choose_transport(network, worker->ring.identity.world_size, worker->has_pmix);
+  worker->ring.network.collective = chosen.transport;
+  worker->transport_reason = std::move(chosen.reason);
+  if (chosen.transport == Transport::mpi) return worker;  // which has no use for a rendezvous
   worker->made_folder = std::make_shared<MeetingFolder>(worker->folder, worker->ring.identity.rank);
+  if (chosen.transport == Transport::gloo) return worker;
   validate(worker->ring);
   const std::string& rendezvous = worker->ring.rendezvous;
   const bool is_local = rendezvous.starts_with("tcp://") && is_loopback(parse_tcp(rendezvous).host);

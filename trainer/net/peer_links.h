@@ -51,8 +51,7 @@ struct PeerFrame {
   [[nodiscard]] std::span<const std::byte> bytes() const { return {payload.data<const std::byte>(), payload.size()}; }
 };
 
-/// Condition that a call waits for.  Peers are named as by the mesh that is asked: places in a PeerMesh, ranks in a TreeMesh and in
-/// PeerLinks.
+/// Condition that a call waits for.  Peers are named as by the one that is asked: places in a PeerMesh, ranks in PeerLinks.
 struct PeerInterest {
   std::vector<int> full_control_queues;  ///< peers whose control queue was full
   bool bulk_queue_full = false, bulk_data = false;
@@ -85,8 +84,7 @@ class KeptFrames {
   std::map<int, std::deque<PeerFrame>> frames_;
 };
 
-/// The sockets of one worker, and its connections to peers, which are named by the ranks with which they began: to all others (PeerMesh) or
-/// to the neighbours in a tree (TreeMesh).  Two planes, so that a gradient never stands in front of a goodbye message: control, to every
+/// The sockets of one worker, and its connections to all others, which are named by the ranks with which they began.  Two planes, so that a gradient never stands in front of a goodbye message: control, to every
 /// peer, small; bulk, to one peer, in chunks that libzmq reads from the caller's memory.  Each plane has one listening ROUTER; a connection
 /// is a DEALER whose routing id names the sender, watched by libzmq's monitor.  A message has a header and a payload.  Queues for sending
 /// hold four messages.

@@ -12,11 +12,9 @@
 #include <optional>
 
 #include "sim/base/errors.h"
-#include "sim/base/process/file_limit.h"
 #include "sim/base/text/listed.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
-#include "trainer/net/tree_shape.h"
 #include "trainer/net/wire.h"
 
 namespace earshot {
@@ -26,7 +24,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
 constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
-constexpr int kOtherFiles = 256;         // of rank 0, beside a connection from each worker
 constexpr int kRefusalsPerSecond = 100;  // requests above it go unanswered
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
@@ -52,16 +49,6 @@ void check_private_folder(const RingConfig& config) {
                      "run chmod 700 on it, or use a private folder");
 }
 
-/// By rank, whether it is told where that other one is: all others, or its neighbours in the tree and in the ring.
-std::vector<bool> contacts_of(WorkerIdentity identity) {
-  const auto world_size = static_cast<std::size_t>(identity.world_size);
-  if (identity.world_size <= kMaxMeshWorkers) return std::vector<bool>(world_size, true);
-  std::vector<bool> contacts(world_size, false);
-  for (const int rank : tree_node(identity.rank, identity.world_size).neighbours()) contacts[static_cast<std::size_t>(rank)] = true;
-  contacts[static_cast<std::size_t>((identity.rank + 1) % identity.world_size)] = true;
-  return contacts;
-}
-
 /// Rank 0: collects the hellos.
 class Host {
  public:
@@ -72,11 +59,6 @@ class Host {
         socket_(open_meeting_socket(context, zmq::socket_type::router, config.rendezvous)),
         addresses_(static_cast<std::size_t>(config.identity.world_size)) {
     socket_.set(zmq::sockopt::router_mandatory, true);
-    if (config.identity.world_size > kMaxMeshWorkers) {
-      file_limit_.emplace(config.identity.world_size + kOtherFiles, "rank 0",
-                          "raise the hard limit on the host of rank 0, or start fewer workers");
-      socket_.set(zmq::sockopt::backlog, config.identity.world_size);
-    }
     security.secure_listener(socket_);
     try {
       socket_.bind(meeting_address(config));
@@ -108,7 +90,7 @@ class Host {
     }
     for (std::size_t rank = 1; rank < addresses_.size(); ++rank) {
       try {
-        send(*addresses_[rank], welcome_for(static_cast<int>(rank)));
+        send(*addresses_[rank], acceptance());
       } catch (const zmq::error_t&) {
         throw RunError(worker_name(static_cast<int>(rank)), "disconnected before the run started");
       }
@@ -117,19 +99,12 @@ class Host {
   }
 
  private:
-  /// Empty texts in the place of those that it has nothing to do with: 1,024 workers' endpoints would not fit into one message.
-  [[nodiscard]] Welcome welcome_for(int rank) const {
+  [[nodiscard]] Welcome acceptance() const {
     Welcome welcome;
     welcome.run_key = table_.run_key;
-    const std::vector<bool> contacts = contacts_of({rank, config_.identity.world_size});
-    const auto filled = [&](std::vector<std::string> texts) {
-      for (std::size_t other = 0; other < texts.size(); ++other)
-        if (!contacts[other]) texts[other].clear();
-      return texts;
-    };
-    welcome.control_endpoints = filled(table_.control_endpoints);
-    welcome.bulk_endpoints = filled(table_.bulk_endpoints);
-    welcome.public_keys = filled(table_.public_keys);
+    welcome.control_endpoints = table_.control_endpoints;
+    welcome.bulk_endpoints = table_.bulk_endpoints;
+    welcome.public_keys = table_.public_keys;
     return welcome;
   }
 
@@ -205,7 +180,6 @@ class Host {
   PeerTable table_;
   Clock::time_point second_begins_;
   int refusals_ = 0;  // in the second that then began
-  std::optional<RaisedFileLimit> file_limit_;
 };
 
 PeerTable join(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,
@@ -251,14 +225,13 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
     if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size ||
         welcome.public_keys.size() != world_size)
       throw WireError("table of the wrong size");
-    const std::vector<bool> contacts = contacts_of(config.identity);
     for (std::size_t rank = 0; rank < world_size; ++rank) {
       for (const auto* endpoints : {&welcome.control_endpoints, &welcome.bulk_endpoints}) {
         const std::string& endpoint = (*endpoints)[rank];
-        if (contacts[rank] ? !is_possible_endpoint(config, endpoint) : !endpoint.empty()) throw WireError("invalid worker endpoint");
+        if (!is_possible_endpoint(config, endpoint)) throw WireError("invalid worker endpoint");
       }
       const std::string& key = welcome.public_keys[rank];
-      if (contacts[rank] && security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("invalid key");
+      if (security.encrypted() ? !is_curve_key(key) : !key.empty()) throw WireError("invalid key");
     }
     return {welcome.run_key, std::move(welcome.control_endpoints), std::move(welcome.bulk_endpoints), std::move(welcome.public_keys), 0, 0};
   } catch (const WireError& error) {
@@ -270,8 +243,8 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
 
 void validate(const RingConfig& config) {
   const auto [rank, world_size] = config.identity;
-  require(world_size >= 1 && world_size <= kMaxWorkers, "world size", world_size, fmt::format("must be 1 to {} workers", kMaxWorkers));
-  validate_world(world_size, config.network.on_loss);
+  require(world_size >= 1 && world_size <= kMaxMeshWorkers, "world size", world_size,
+          fmt::format("must be 1 to {} workers over ZeroMQ: more need network.collective=mpi or gloo", kMaxMeshWorkers));
   require(rank >= 0 && rank < world_size, "rank", rank, fmt::format("must be in 0 to {}", world_size - 1));
   require(config.run_id.size() <= 256, "run id", config.run_id.substr(0, 32), "must have at most 256 characters");
   require(config.timeout.count() > 0, "timeout", config.timeout.count(), "must be positive: every call has a time limit");

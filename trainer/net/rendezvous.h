@@ -31,8 +31,7 @@ std::string listening_address(const RingConfig& config, const std::string& traff
 /// RunError.
 std::string bind_listener(zmq::socket_t& socket, const RingConfig& config, const std::string& traffic);
 
-/// Addresses of the workers, by rank.  With more than kMaxMeshWorkers only the neighbours in the tree, and in the ring the right one, have
-/// texts that are not empty (rank 0 has all).
+/// Addresses of the workers, by rank.
 struct PeerTable {
   std::uint64_t run_key = 0;  ///< fresh per start
   std::vector<std::string> control_endpoints, bulk_endpoints;
@@ -42,8 +41,7 @@ struct PeerTable {
 
 /// Workers find each other: rank 0 listens at config.rendezvous, the others say hello with their endpoints, rank 0 answers all with the
 /// table once all ranks are there.  A wrong run id, version, rank or world size is answered with the reason and disturbs no worker; garbage
-/// is counted and dropped, and so are more than 100 unknown peers in a second.  Rank 0 has a connection from each until all are answered,
-/// for which its soft limit of open files is raised where it does not suffice.  Throws RunError: refused, or not all ranks came within
+/// is counted and dropped, and so are more than 100 unknown peers in a second.  Throws RunError: refused, or not all ranks came within
 /// config.timeout (names those that are missing).  config: resolved; with keys, the gate of `security` is open.  meeting_socket: gets the
 /// socket at which rank 0 listened.
 PeerTable meet(zmq::context_t& context, const RingConfig& config, const std::string& control_endpoint, const std::string& bulk_endpoint,

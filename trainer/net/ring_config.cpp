@@ -27,6 +27,10 @@ PortRange ports_of(const NetworkConfig& config) {
 }
 
 void read(ConfigReader& reader, NetworkConfig& config) {
+  reader.read_choice<Transport>(
+      "collective", config.collective,
+      {{"auto", Transport::automatic}, {"zeromq", Transport::zeromq}, {"mpi", Transport::mpi}, {"gloo", Transport::gloo}},
+      "Connection of the workers. auto: zeromq up to 64 workers; beyond, mpi under mpirun and srun --mpi=pmix, else gloo. Same bits.");
   reader.read("interface", config.interface, Allowed::text("the name or address of an interface"),
               "Interface that this worker listens on, such as eth0 or an address. Empty: the one that leads to rank 0.");
   reader.read("port_range", config.port_range, Allowed::text("FIRST-LAST, ports from 1 to 65535"),
@@ -50,6 +54,11 @@ void read(ConfigReader& reader, NetworkConfig& config) {
 void validate(const NetworkConfig& config) {
   check_values(config, "network");
   ports_of(config);
+  const bool library = config.collective == Transport::mpi || config.collective == Transport::gloo;
+  require(!library || config.on_loss == OnLoss::stop, "network.on_loss", "continue",
+          "needs network.collective=zeromq: with mpi and gloo a lost worker ends the run, and the launcher starts it again");
+  require(!library || config.curve_key_file.empty(), "network.curve_key_file", config.curve_key_file,
+          "needs network.collective=zeromq: mpi and gloo have no keys");
   require(config.restarts == 0 || config.on_loss == OnLoss::go_on, "network.restarts", config.restarts,
           "needs network.on_loss=continue: otherwise the run ends with the first lost worker");
   require(!config.insecure || config.curve_key_file.empty(), "network.insecure", true,

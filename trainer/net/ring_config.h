@@ -13,9 +13,13 @@ namespace earshot {
 /// Reaction to the loss of a worker: end the run, or go on without it.
 enum class OnLoss { stop, go_on };
 
+/// What connects the workers: sockets of ZeroMQ, or the libraries MPI and Gloo; automatic: choose_transport (trainer/launch/transport.h).
+enum class Transport { automatic, zeromq, mpi, gloo };
+
 /// How workers on several hosts reach each other: section `network` of a run config (docs/howto/hosts.md).  Without any key, workers meet
 /// on one host only.
 struct NetworkConfig {
+  Transport collective = Transport::automatic;
   std::string interface;       ///< where this worker listens: name (eth0) or address; empty: where the way to rank 0 begins
   std::string port_range;      ///< "FIRST-LAST"; empty: any free port, and 20000-29999 for a meeting point whose launcher names none
   std::string curve_key_file;  ///< this worker's CURVE keys (`earshot keys`), mode 0600
@@ -39,7 +43,7 @@ void read(ConfigReader& reader, NetworkConfig& config);
 /// Throws InputError: a port range that is none, keys that are missing for what is asked, keys together with insecure.  Opens no file.
 void validate(const NetworkConfig& config);
 
-/// Workers of one run.  Up to kMaxMeshWorkers each has a connection to each other; beyond, each has its neighbours in a tree.
+/// Workers of one run.  Over ZeroMQ each has a connection to each other, up to kMaxMeshWorkers.
 inline constexpr int kMaxMeshWorkers = 64, kMaxWorkers = 1024;
 /// Throws InputError for less than one worker or more than kMaxWorkers, and for more than kMaxMeshWorkers that are to go on without a lost
 /// one.
@@ -67,6 +71,7 @@ class LeftOut : public RunError {
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here
+  std::string launcher_store = {};           ///< "tcp://HOST:PORT" of the store that torchrun's agent keeps, for Gloo; empty: none
   std::string run_id;                        ///< an unknown peer with another id is refused
   std::chrono::milliseconds timeout{60000};  ///< of one collective call in which no peer makes progress
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these

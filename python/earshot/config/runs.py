@@ -12,6 +12,7 @@ from .envs import Agents, Episodes, Filter, Navmesh, Observation, Scenario, Task
 
 if TYPE_CHECKING:
     ArgmaxSample = Literal["argmax", "sample"]
+    AutoGlooMpiZeromq = Literal["auto", "gloo", "mpi", "zeromq"]
     ContinueStop = Literal["continue", "stop"]
     MinutesSteps = Literal["minutes", "steps"]
     NextStepOffSameStep = Literal["next_step", "off", "same_step"]
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     SampleTruncatedWorker = Literal["sample", "truncated", "worker"]
 else:  # OmegaConf 2.3 knows no Literal and no unions of lists
     ArgmaxSample = str
+    AutoGlooMpiZeromq = str
     ContinueStop = str
     MinutesSteps = str
     NextStepOffSameStep = str
@@ -200,6 +202,8 @@ class HeldOut(Section):
 class Network(Section):
     """Connections between workers, needed only for several hosts."""
 
+    #: Connection of the workers. auto: zeromq up to 64 workers; beyond, mpi under mpirun and srun --mpi=pmix, else gloo. Same bits.
+    collective: AutoGlooMpiZeromq = "auto"
     #: Interface that this worker listens on, such as eth0 or an address. Empty: the one that leads to rank 0. Range: the name or
     #: address of an interface.
     interface: str = ""

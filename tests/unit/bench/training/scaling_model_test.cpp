@@ -51,9 +51,10 @@ TEST(ScalingModel, PartsByHand) {
   // Eight workers on one host of two cores, four to a core: 1.75 x 20 MB of each at 0.4 ns are 56 ms, more than the ring's 49.
   EXPECT_NEAR(predict_update(kWork, kLink, {.workers = 8, .per_host = 8, .cores_per_host = 2}).reduce_s,
               4 * 56e-3 + 10 * (1e-4 + 4 * 6 * 1e-5), 1e-9);
-  // Beyond 64 workers: a tree of four levels, up and down, each with an exchange and seven messages; also once for each sum.
+  // Beyond 64 workers rank 0 hears 1,023 and answers them; a sum is that and two exchanges of 1,023 messages with the bytes.
+  const double call_s = 2 * (1e-4 + 1022 * 1e-5);
   EXPECT_NEAR(predict_update(kWork, kLink, {.workers = 1024}).reduce_s,
-              4 * (2046 * 1e-3 + 2 * 1023.0 / 1024 * 20e-3) + 14 * 8 * (1e-4 + 7 * 1e-5), 1e-9);
+              4 * (call_s + 2046 * 1e-5 + 2 * 1023.0 / 1024 * 20e-3) + 10 * call_s, 1e-9);
 }
 
 TEST(ScalingModel, PreemptionWaitsForFewerAndLosesSteps) {

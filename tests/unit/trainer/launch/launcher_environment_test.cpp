@@ -71,6 +71,21 @@ void expect_identity(const LaunchedWorker& worker, const char* launcher, int ran
   EXPECT_EQ(worker.ring.identity.world_size, world_size);
 }
 
+TEST(LauncherEnvironment, SaysWhatMpiAndGlooMeetBy) {
+  EXPECT_EQ(worker_of(kTorchrun).ring.launcher_store, "tcp://10.1.0.1:29500");
+  EXPECT_EQ(worker_of(with(kTorchrun, {{"TORCHELASTIC_USE_AGENT_STORE", "False"}})).ring.launcher_store, "");
+  EXPECT_EQ(worker_of(with(kTorchrun, {{"EARSHOT_RENDEZVOUS", "tcp://h:7000"}})).ring.launcher_store, "") << "stated by the user";
+  EXPECT_TRUE(worker_of(kOpenMpi).has_pmix);
+  EXPECT_FALSE(worker_of(kSlurm).has_pmix);
+  EXPECT_TRUE(worker_of(with(kSlurm, {{"PMIX_RANK", "5"}, {"PMIX_NAMESPACE", "slurm.pmix.77.0"}})).has_pmix);
+  // MPI finds the ranks of several hosts by itself.
+  const Variables hosts = with(kOpenMpi, {{"OMPI_COMM_WORLD_LOCAL_SIZE", "1"}});
+  EXPECT_EQ(worker_from(hosts, 20000, 29999, Transport::mpi)->ring.rendezvous, "");
+  EXPECT_THROW(worker_from(hosts, 20000, 29999, Transport::automatic), InputError);
+  const Variables many = with(hosts, {{"OMPI_COMM_WORLD_SIZE", "65"}});
+  EXPECT_EQ(worker_from(many, 20000, 29999, Transport::automatic)->ring.rendezvous, "");
+}
+
 TEST(LauncherEnvironment, ReadsEveryTable) {
   expect_identity(worker_of(kOwn), "EARSHOT_RANK", 1, 2);
   EXPECT_EQ(worker_of(kOwn).ring.rendezvous, "tcp://127.0.0.1:5555");

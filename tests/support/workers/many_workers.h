@@ -17,7 +17,6 @@
 #include "tests/support/wait_until.h"
 #include "tests/support/workers/summed_addends.h"
 #include "tests/support/workers/worker_processes.h"
-#include "trainer/collective/tree_collective.h"
 
 namespace earshot {
 
