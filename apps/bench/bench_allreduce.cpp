@@ -55,7 +55,7 @@ std::string size_text(std::size_t bytes) {
 
 std::string row(const std::vector<std::string>& cells) {
   std::string line;
-  for (std::size_t i = 0; i < cells.size(); ++i) line += i == 0 ? fmt::format("{:<10}", cells[i]) : fmt::format("{:>16}", cells[i]);
+  for (std::size_t i = 0; i < cells.size(); ++i) line += i == 0 ? fmt::format("{:<10}", cells[i]) : fmt::format("{:>20}", cells[i]);
   return line + "\n";
 }
 

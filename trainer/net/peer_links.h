@@ -84,10 +84,10 @@ class KeptFrames {
   std::map<int, std::deque<PeerFrame>> frames_;
 };
 
-/// The sockets of one worker, and its connections to all others, which are named by the ranks with which they began.  Two planes, so that a gradient never stands in front of a goodbye message: control, to every
-/// peer, small; bulk, to one peer, in chunks that libzmq reads from the caller's memory.  Each plane has one listening ROUTER; a connection
-/// is a DEALER whose routing id names the sender, watched by libzmq's monitor.  A message has a header and a payload.  Queues for sending
-/// hold four messages.
+/// The sockets of one worker, and its connections to all others, which are named by the ranks with which they began.  Two planes, so that a
+/// gradient never stands in front of a goodbye message: control, to every peer, small; bulk, to one peer, in chunks that libzmq reads from
+/// the caller's memory.  Each plane has one listening ROUTER; a connection is a DEALER whose routing id names the sender, watched by
+/// libzmq's monitor.  A message has a header and a payload.  Queues for sending hold four messages.
 ///
 /// Threads: all calls come from the one thread that owns the object.  Nothing waits but poll(), wait_for_control(), wait_for_buffers() and
 /// close().  Errors: zmq::error_t where libzmq fails, RunError where a known peer breaks the protocol.
