@@ -49,7 +49,7 @@ TEST_F(BenchCli, AllReduceTimesEachWayWithItsSetting) {
   for (const json& result : report.at("results"))
     settings.insert({result.at("setting").at("ranks").get<int>(), result.at("setting").at("bytes").get<int>()});
   EXPECT_EQ(settings, (std::set<std::pair<int, int>>{{2, 4096}, {2, 262144}, {3, 4096}, {3, 262144}}));
-  for (const char* wrong : {"--ranks 1", "--ranks 65", "--kib 0", "--seconds 0", "--repeats 0"})
+  for (const char* wrong : {"--ranks 1", "--ranks 1025", "--no-mpi --ranks 65", "--kib 0", "--seconds 0", "--repeats 0"})
     EXPECT_EQ(earshot("bench allreduce --quick " + std::string(wrong)), 2) << wrong << read("stderr");
 }
 
