@@ -13,6 +13,7 @@
 #include "datasets/corpus_parts.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
+#include "datasets/rir_corpus_wishes.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/json.h"
@@ -91,7 +92,7 @@ CorpusReport write_rir_corpus(const RirCorpusConfig& config, const CorpusRun& ru
       complete_corpus(folder, run,
                       {.pieces = config.sources_per_room,
                        .items = [&](std::size_t) { return per_room; },
-                       .begin = [&](std::size_t room) { loaded[room] = std::make_shared<const CorpusRoom>(config, room, rooms[room]); },
+                       .begin = [&](std::size_t room) { loaded[room] = load_wished_room(config, room, rooms[room]); },
                        .end = [&](std::size_t room) { loaded[room].reset(); },
                        .make_worker =
                            [&] {

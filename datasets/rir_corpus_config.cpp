@@ -63,10 +63,20 @@ void read_places(ConfigReader& reader, RirCorpusConfig& config) {
   reader.read("clearance_m", config.clearance_m, Allowed::between(0.05, 10), "Distance of places from walls, furniture and the ceiling.");
   reader.read("min_distance_m", config.min_distance_m, Allowed::at_least(0), "Shortest distance from source to listener.");
   reader.read("max_distance_m", config.max_distance_m, Allowed::above(0), "Longest distance from source to listener.");
+  reader.read("max_height_difference_m", config.max_height_difference_m, Allowed::above(0),
+              "Largest difference in height between source and listener.");
   reader.read("source_patterns", config.source_patterns, Allowed::text("a directional pattern"),
               "Directional patterns, one drawn for each source, which faces anywhere.");
   reader.read("pitch_deg", config.pitch_deg, Allowed::between(-90, 90).interval(), "Pitch of listeners; headings are anywhere.");
   reader.read("roll_deg", config.roll_deg, Allowed::between(-180, 180).interval(), "Roll of listeners.");
+}
+
+void read_wishes(ConfigReader& reader, RirCorpusConfig& config) {
+  reader.read(
+      "rt60_s", config.rt60_s, Allowed::between(0, 100).interval(),
+      "Reverberation times (t20_mid_s): rooms are drawn again until each tenth of the range comes equally often. [0, 0]: as the rooms.");
+  reader.read("drr_db", config.drr_db, Allowed::between(-100, 100).interval(),
+              "Direct-to-reverberant ratios: listeners are drawn again in the same way. [0, 0]: as the places.");
 }
 
 void read_files(ConfigReader& reader, RirCorpusConfig& config) {
@@ -80,11 +90,16 @@ void read_files(ConfigReader& reader, RirCorpusConfig& config) {
   reader.read("sofa", config.sofa, "One SOFA file (SingleRoomSRIR) per source in place of sound files.");
   reader.read("split_ms", config.split_ms, Allowed::at_least(0),
               "Time after the direct sound at which a response is split into an early and a late file. 0: no split.");
+  reader.read("stated_errors", config.stated_errors,
+              "Standard errors of t20_s in the manifest. Costs at least one more trace per response, nothing with a field.");
   if (reader.asks_for("panorama") && !config.panorama) config.panorama.emplace();
   if (config.panorama) {
     ConfigReader panorama = reader.child("panorama", "Panoramas of colour, depth and category from the places of the listeners.");
     panorama.read("width_px", config.panorama->width_px, Allowed::between(8, 4096), "Width, over 360 degrees.");
-    panorama.read("height_px", config.panorama->height_px, Allowed::between(4, 2048), "Height; at most half of the width.");
+    panorama.read("height_px", config.panorama->height_px, Allowed::between(4, 2048), "Height; without views at most half of the width.");
+    panorama.read(
+        "views", config.panorama->views, Allowed::between(0, 360),
+        "Pinhole pictures side by side that make up the panorama, of 360 / views degrees each. 0: one picture, uniform in angle.");
     panorama.finish();
   }
   reader.read("rooms_per_folder", config.rooms_per_folder, Allowed::between(1, 10000), "Rooms in each folder of the corpus.");
@@ -111,11 +126,23 @@ void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
   acoustics.finish();
 }
 
+void validate_wishes(const RirCorpusConfig& config) {
+  const auto is_range = [](const std::vector<float>& range) { return range[0] < range[1] || (range[0] == 0 && range[1] == 0); };
+  require(is_range(config.rt60_s), "rt60_s", shown(config.rt60_s), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the rooms");
+  require(is_range(config.drr_db), "drr_db", shown(config.drr_db), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the places");
+  if (wishes(config.rt60_s) && !config.scenes.empty() && !config.randomize)
+    throw InputError("rt60_s", "cannot be drawn in scenes whose materials are fixed", "add randomize: {}, or leave out scenes");
+  if (wishes(config.drr_db) && config.shared_listeners)
+    throw InputError("drr_db", "cannot be drawn with shared_listeners: true: a listener has another ratio for each source",
+                     "leave out one of the two keys");
+}
+
 }  // namespace
 
 void read(ConfigReader& reader, RirCorpusConfig& config) {
   read_rooms(reader, config);
   read_places(reader, config);
+  read_wishes(reader, config);
   read_files(reader, config);
   read_acoustics(reader, config);
 }
@@ -126,6 +153,7 @@ void validate(const RirCorpusConfig& config) {
   if (config.shoeboxes.count == 0 && config.scenes.empty())
     throw InputError("shoeboxes.count, scenes", "give no room", "set shoeboxes: {count: 100}, or scenes: [house:0..9]");
   require(config.max_distance_m > config.min_distance_m, "max_distance_m", config.max_distance_m, "must be above min_distance_m");
+  validate_wishes(config);
   if (config.source_patterns.empty()) throw InputError("source_patterns", "is empty", "give at least one, for example omni");
   for (const std::string& pattern : config.source_patterns) (void)Directivity::named(pattern);
   const ListenerLayout layout = ListenerLayout::named(config.channels);
@@ -149,8 +177,11 @@ void validate(const RirCorpusConfig& config) {
   require(config.split_ms < 1000 * config.acoustics.rir_length_s, "split_ms", config.split_ms,
           "must be at least 0 and below acoustics.rir_length_s");
   if (config.panorama) {
-    const auto [width_px, height_px] = *config.panorama;
-    require(2 * height_px <= width_px, "panorama", std::to_string(width_px) + "x" + std::to_string(height_px),
+    const auto [width_px, height_px, views] = *config.panorama;
+    const std::string size = std::to_string(width_px) + "x" + std::to_string(height_px);
+    require(views == 0 || (views >= 3 && width_px % views == 0), "panorama.views", views,
+            "must be 0, or at least 3 and a divisor of width_px (" + std::to_string(width_px) + ")");
+    require(views > 0 || 2 * height_px <= width_px, "panorama", size,
             "must be at most half as high as wide: the width spans 360 degrees, the height at most 180");
   }
 }

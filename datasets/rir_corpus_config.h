@@ -25,7 +25,10 @@ struct ShoeboxRooms {
 
 /// Panoramas from where the listeners stand, ahead in the middle.
 struct CorpusPanorama {
-  int width_px = 1152, height_px = 384;  ///< 360 degrees over the width, square in angle
+  int width_px = 1152, height_px = 384;  ///< 360 degrees over the width
+  /// 0: one picture, square in angle.  Otherwise so many pinhole pictures side by side, each 360 / views degrees wide, from left to right
+  /// clockwise; the listener's heading is in the middle of the strip.
+  int views = 0;
 };
 
 /// A corpus of room impulse responses: rooms, sources in each, listeners of each source.  A plain value.
@@ -42,8 +45,13 @@ struct RirCorpusConfig {
   std::vector<float> source_height_m = {1.1f, 1.8f}, listener_height_m = {1.1f, 1.8f};  ///< least and largest, above the floor
   float clearance_m = 0.3f;                                                             ///< from walls, furniture and the ceiling
   float min_distance_m = 0.5f, max_distance_m = 1000.f;                                 ///< source to listener
+  float max_height_difference_m = 1000.f;                                               ///< source to listener, along y
   std::vector<std::string> source_patterns = {"omni"};                                  ///< one of them for each source; it faces anywhere
   std::vector<float> pitch_deg = {0, 0}, roll_deg = {0, 0};                             ///< of listeners; headings are anywhere
+
+  /// Least and largest reverberation time (t20_mid_s) and direct-to-reverberant ratio (drr_db), drawn so that each tenth comes equally
+  /// often (rir_corpus_wishes.h); {0, 0}: as rooms and places give them.
+  std::vector<float> rt60_s = {0, 0}, drr_db = {0, 0};
 
   std::string channels = "binaural", hrtf;  ///< as `earshot rir`
   std::vector<std::string> hrtfs;           ///< SOFA files, or `sphere`, one of them for each listener; empty: hrtf for all
@@ -52,11 +60,15 @@ struct RirCorpusConfig {
   bool sofa = false;  ///< one SOFA file (SingleRoomSRIR) per source in place of sound files
   /// Above 0: the part up to so long after the direct sound, and the rest, as files of their own that add up to the whole.
   float split_ms = 0;
+  bool stated_errors = false;              ///< the standard error of t20_s beside it in the manifest (standard_errors.h)
   std::optional<CorpusPanorama> panorama;  ///< PNG files of colour, depth and category beside each response
   int rooms_per_folder = 10;
 
   RirCorpusConfig() { acoustics.rir_length_s = 1.f; }
 };
+
+/// Whether a range of rt60_s or drr_db is asked for.
+inline bool wishes(const std::vector<float>& range) { return range[0] < range[1]; }
 
 /// Reads the keys above over `config`; a missing key keeps its value.  Throws InputError.
 void read(ConfigReader& reader, RirCorpusConfig& config);

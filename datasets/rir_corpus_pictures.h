@@ -16,12 +16,14 @@ namespace earshot {
 class CorpusPictures {
  public:
   CorpusPictures(const CorpusPanorama& config, const Scene& scene);
-  /// The view from `position`, level, the heading in the middle: ID.rgb.png, ID.depth.png (16 bits: millimetres along the ray,
-  /// 65535 beyond and where nothing is hit) and ID.category.png (a palette, the indices are the categories).
+  /// The view from `position`, level, the heading in the middle: ID.rgb.png, ID.depth.png (16 bits: millimetres along the ray, with
+  /// config.views along the axis of each view; 65535 beyond and where nothing is hit) and ID.category.png (a palette, the indices are the
+  /// categories).
   [[nodiscard]] std::vector<CorpusFile> render(const Scene& scene, glm::vec3 position, double heading_rad, const std::string& id) const;
 
  private:
-  EmbreeCamera camera_;
+  std::vector<EmbreeCamera> cameras_;  ///< from left to right, of equal width
+  int width_px_, height_px_;           ///< of the whole picture
   std::shared_ptr<const Appearance> appearance_;
 };
 

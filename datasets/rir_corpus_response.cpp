@@ -15,8 +15,10 @@
 
 #include "datasets/labels/label_number.h"
 #include "datasets/labels/response_labels.h"
+#include "datasets/rir_corpus_wishes.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
+#include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/text/json.h"
 
@@ -134,14 +136,12 @@ struct CorpusSourceRenderer::Recording {
 std::string CorpusSourceRenderer::render(int listener, const std::string& folder, std::vector<CorpusFile>& files) {
   const std::uint64_t room_hash = room_.acoustics().hash();
   Recording recording{.listener = listener,
-                      .pose = room_.draw_listener(source_, number_, listener),
+                      .pose = hear(listener),
                       .id = fmt::format("{:06}_s{:02}_l{:04}", room_index_, number_, listener),
                       .folder = folder,
                       .files = files,
                       .line = Json::object()};
   const CorpusListener& pose = recording.pose;
-  static_cast<void>(places_.check({"source", source_.sound.position}, {"listener", pose.position}));
-  compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
   recording.direct_s = direct_delay_s(source_.sound.position, pose.position, response_);
   heads_[pose.head].render(response_, pose.orientation(), CarrierKey(carrier_key(room_hash, candidates_.source()), pose.position), rir_);
   const float gain = gain_for(config_.format, rir_.samples);
@@ -152,12 +152,34 @@ std::string CorpusSourceRenderer::render(int listener, const std::string& folder
   line["file"] = store(recording, "", samples);
   label_geometry(recording);
   add_metrics(room_.acoustics(), response_, field_.get(), line);
+  if (config_.stated_errors) add_errors(room_.acoustics(), candidates_, field_.get(), pose.position, response_, line);
   line["num_samples"] = rir_.num_samples;
   line["gain"] = gain;
   add_pictures(recording);
   if (config_.sofa) line["measurement"] = sofa_.listeners.size() - 1;
   if (config_.split_ms > 0) store_split(recording, samples);
   return json_text(line);
+}
+
+CorpusListener CorpusSourceRenderer::hear(int listener) {
+  const auto hear_at = [&](std::uint32_t redraw) {
+    CorpusListener pose = room_.draw_listener(source_, number_, listener, redraw);
+    static_cast<void>(places_.check({"source", source_.sound.position}, {"listener", pose.position}));
+    compute_energy_response(room_.acoustics(), candidates_, field_.get(), pose.position, response_);
+    return pose;
+  };
+  const WishedListener wished(config_, room_index_, number_, listener);
+  if (!wished.is_asked()) return hear_at(0);
+  WishedDraw draw;
+  while (draw.wants_more(WishedListener::kMostDraws)) {
+    const CorpusListener pose = hear_at(draw.next());
+    if (draw.judge(wished.miss(room_.acoustics(), response_)) == 0) return pose;
+  }
+  if (!draw.best())
+    throw InputError(room_.scene().name(),
+                     fmt::format("has no listener of source {} with {} in {} draws", number_, wished.text(), WishedListener::kMostDraws),
+                     "widen the ranges, or draw more and other rooms");
+  return hear_at(*draw.best());
 }
 
 std::string CorpusSourceRenderer::store(Recording& recording, const std::string& suffix, std::span<const float> channels) {

@@ -41,12 +41,18 @@ struct PlaceDraw {
   enum : std::uint32_t { foot = 0, height = 2, heading = 3, pitch = 4, roll = 5, pattern = 6, head = 7, per_try = 8 };
 };
 
-RandomStream shape_stream(std::uint64_t seed, std::uint32_t room) { return {seed, Purpose::episode, kCorpusStream, room, 0}; }
+/// The same for what is drawn again; the number of the draw is added, counted from 1.
+constexpr std::uint32_t kRedrawStream = 0x52500000u;
+std::uint32_t stream_of(std::uint32_t redraw) { return redraw == 0 ? kCorpusStream : kRedrawStream + redraw; }
+
+RandomStream shape_stream(std::uint64_t seed, std::uint32_t room, std::uint32_t redraw = 0) {
+  return {seed, Purpose::episode, stream_of(redraw), room, 0};
+}
 /// In place of the number of a source: listeners of all sources.
 constexpr int kAnySource = -1;
 /// listener: counted from 1; 0 is the source itself.
-RandomStream place_stream(std::uint64_t seed, std::uint32_t room, int source, int listener) {
-  return {seed, Purpose::episode, kCorpusStream, room,
+RandomStream place_stream(std::uint64_t seed, std::uint32_t room, int source, int listener, std::uint32_t redraw = 0) {
+  return {seed, Purpose::episode, stream_of(redraw), room,
           (static_cast<std::uint32_t>(source + 1) << 16) | static_cast<std::uint32_t>(listener)};
 }
 
@@ -55,9 +61,14 @@ double heading_of(const RandomStream& random, std::uint32_t draw) { return 0.01 
 /// To the hundredth, as headings are, so that a manifest shows all of it.
 double angle_within(const std::vector<float>& range, float fraction) { return 0.01 * std::round(100.0 * within(range, fraction)); }
 
-std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room) {
+std::uint64_t materials_seed_of(std::uint64_t seed, std::uint32_t room, std::uint32_t redraw) {
+  const auto words = shape_stream(seed, room, redraw).bits4(ShapeDraw::materials);
+  return (std::uint64_t{words[0]} << 32) | words[1];
+}
+
+std::string shoebox_spec(const RirCorpusConfig& config, std::uint32_t room, std::uint32_t redraw = 0) {
   const ShoeboxRooms& rooms = config.shoeboxes;
-  const RandomStream random = shape_stream(config.seed, room);
+  const RandomStream random = shape_stream(config.seed, room, redraw);
   std::array<double, 3> size{};
   for (std::uint32_t axis = 0; axis < 3; ++axis) {
     const float low = rooms.min_size_m[axis], high = rooms.max_size_m[axis];
@@ -130,11 +141,17 @@ std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config) {
   const std::vector<std::string> scenes = expand_scenes(config.scenes);
   for (int again = 0; again < config.rooms_per_scene; ++again)
     for (const std::string& scene : scenes) rooms.push_back({.scene = scene, .is_first_of_scene = again == 0});
-  for (std::size_t i = 0; i < rooms.size(); ++i) {
-    const auto words = shape_stream(config.seed, static_cast<std::uint32_t>(i)).bits4(ShapeDraw::materials);
-    rooms[i].materials_seed = (std::uint64_t{words[0]} << 32) | words[1];
-  }
+  for (std::size_t i = 0; i < rooms.size(); ++i) rooms[i].materials_seed = materials_seed_of(config.seed, static_cast<std::uint32_t>(i), 0);
   return rooms;
+}
+
+CorpusRoomSpec redraw_room(const RirCorpusConfig& config, std::size_t index, const CorpusRoomSpec& spec, std::uint32_t redraw) {
+  CorpusRoomSpec again = spec;
+  const auto room = static_cast<std::uint32_t>(index);
+  if (room < static_cast<std::uint32_t>(config.shoeboxes.count)) again.scene = shoebox_spec(config, room, redraw);
+  again.materials_seed = materials_seed_of(config.seed, room, redraw);
+  again.is_first_of_scene = false;
+  return again;
 }
 
 ListenerOrientation CorpusListener::orientation() const {
@@ -187,8 +204,8 @@ CorpusSource CorpusRoom::draw_source(int source) const {
                    "lower source_height_m or clearance_m, or leave this scene out");
 }
 
-CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener) const {
-  const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1);
+CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, int listener, std::uint32_t redraw) const {
+  const RandomStream random = place_stream(config_.seed, index_, config_.shared_listeners ? kAnySource : source, listener + 1, redraw);
   for (std::uint32_t attempt = 0; attempt < kTries; ++attempt) {
     const std::uint32_t draw = attempt * PlaceDraw::per_try;
     const glm::vec3 foot = navmesh_.random_point(random, draw + PlaceDraw::foot);
@@ -196,7 +213,8 @@ CorpusListener CorpusRoom::draw_listener(const CorpusSource& from, int source, i
     const glm::vec3 place = foot + glm::vec3(0, height_m, 0);
     const auto in_range = [&](glm::vec3 position) {
       const float distance_m = glm::length(place - position);
-      return distance_m >= config_.min_distance_m && distance_m <= config_.max_distance_m;
+      return distance_m >= config_.min_distance_m && distance_m <= config_.max_distance_m &&
+             std::abs(place.y - position.y) <= config_.max_height_difference_m;
     };
     // With shared listeners the source itself is among the others.
     if (!in_range(from.sound.position) || !std::ranges::all_of(sources_, in_range) || !is_free(foot, height_m)) continue;

@@ -33,6 +33,9 @@ std::vector<std::string> expand_scenes(const std::vector<std::string>& scenes);
 /// many there are.  Throws InputError: a folder without scenes, a damaged range.
 std::vector<CorpusRoomSpec> list_corpus_rooms(const RirCorpusConfig& config);
 
+/// The same room drawn again, number `redraw` from 1 on: a shoebox with another shape, a scene with other random materials.
+CorpusRoomSpec redraw_room(const RirCorpusConfig& config, std::size_t index, const CorpusRoomSpec& spec, std::uint32_t redraw);
+
 struct CorpusSource {
   SoundSource sound;  ///< at a place in the coordinates of the engine
   std::string pattern;
@@ -65,7 +68,8 @@ class CorpusRoom {
   /// Source number `source`: a function of (config, room, source).  Throws InputError if no place is free in a thousand.
   [[nodiscard]] CorpusSource draw_source(int source) const;
   /// Listener number `listener` of that source; with config.shared_listeners of all sources, as far from each as the config asks.
-  [[nodiscard]] CorpusListener draw_listener(const CorpusSource& from, int source, int listener) const;
+  /// redraw: number of the place that is drawn instead of the first one, 0.
+  [[nodiscard]] CorpusListener draw_listener(const CorpusSource& from, int source, int listener, std::uint32_t redraw = 0) const;
   /// A free place on the floor at a height of the range that `accept` takes: a function of the room, `random` and `number`.  Throws
   /// InputError "has no free place for WHAT" after a thousand draws.
   [[nodiscard]] FreePlace draw_place(const RandomStream& random, std::uint32_t number, const std::vector<float>& height_m,

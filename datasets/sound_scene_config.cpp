@@ -33,7 +33,8 @@ void read_classes(ConfigReader& reader, std::vector<SoundClass>& classes) {
 }  // namespace
 
 void read(ConfigReader& reader, SoundSceneConfig& config) {
-  reader.refuse({"sources_per_room", "listeners_per_source", "shared_listeners", "split_ms", "sofa", "hrtfs", "panorama"},
+  reader.refuse({"sources_per_room", "listeners_per_source", "shared_listeners", "max_height_difference_m", "rt60_s", "drr_db", "split_ms",
+                 "sofa", "hrtfs", "stated_errors", "panorama"},
                 "has no effect on recordings");
   read(reader, config.rooms);
   reader.read("recordings_per_room", config.recordings_per_room, Allowed::between(1, 10000), "Recordings in each room.");

@@ -30,12 +30,12 @@ CorpusReport write_rir_corpus(const Config& config, const CorpusOptions& options
   const auto rir_config = read_corpus_config<RirCorpusConfig>(config);
   if (rir_config.sofa) throw InputError("sofa", "is written by the program alone", "use earshot dataset rir --sofa, or leave it out");
   const earshot::CorpusReport report = earshot::write_rir_corpus(rir_config, corpus_run(options));
-  return {report.responses, report.all_responses, report.folders_missing};
+  return {report.responses, report.all_responses, report.folders_missing, 0};
 }
 
 CorpusReport write_sound_scenes(const Config& config, const CorpusOptions& options) {
   const SoundSceneReport report = earshot::write_sound_scenes(read_corpus_config<SoundSceneConfig>(config), corpus_run(options));
-  return {report.recordings, report.all_recordings, report.folders_missing};
+  return {report.recordings, report.all_recordings, report.folders_missing, 0};
 }
 
 CorpusReport write_convolved_corpus(const ConvolveOptions& convolve, const CorpusOptions& options) {
@@ -50,9 +50,12 @@ CorpusReport write_convolved_corpus(const ConvolveOptions& convolve, const Corpu
   config.early = convolve.early;
   config.dry = convolve.dry;
   config.stems = convolve.stems;
+  config.skip_bad = convolve.skip_bad;
+  if (convolve.rt60_s) config.wished.rt60_s.assign(convolve.rt60_s->begin(), convolve.rt60_s->end());
+  if (convolve.drr_db) config.wished.drr_db.assign(convolve.drr_db->begin(), convolve.drr_db->end());
   validate(config);
   const ConvolveReport report = write_convolve_corpus(config, corpus_run(options));
-  return {report.signals, report.all_signals, report.folders_missing};
+  return {report.signals, report.all_signals, report.folders_missing, report.left_out};
 }
 
 }  // namespace earshot::api

@@ -37,7 +37,7 @@ RirCorpusConfig config_of(const DatasetPanoArguments& options) {
   config.channels = options.channels;
   config.acoustics = acoustic_preset("fast");
   const auto [width_px, height_px] = parse_picture_size(options.size, "1152x384");
-  config.panorama = CorpusPanorama{width_px, height_px};
+  config.panorama = CorpusPanorama{.width_px = width_px, .height_px = height_px};
   config.rooms_per_folder = 1;
   // As overrides ahead of the user's, since `--set acoustics.preset=...` replaces all that was set before it.
   std::vector<std::string> overrides{fmt::format("acoustics.sample_rate_hz={}", options.rate_hz),

@@ -7,6 +7,7 @@
 
 #include "datasets/labels/label_number.h"
 #include "sim/acoustics/metrics/room_metrics.h"
+#include "sim/acoustics/metrics/standard_errors.h"
 #include "sim/acoustics/source_field/source_field.h"
 
 namespace earshot {
@@ -21,20 +22,19 @@ nlohmann::ordered_json per_band(const RoomMetrics& metrics, const Get& get) {
   return values;
 }
 
-/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; null if one of them has no value.
-nlohmann::ordered_json mid_t20(const RoomMetrics& metrics) {
+}  // namespace
+
+std::optional<double> mid_t20_s(const RoomMetrics& metrics) {
   double sum = 0;
   int count = 0;
   for (std::size_t b = 0; b < metrics.bands.size(); ++b) {
     if (metrics.bands_hz[b] < 400 || metrics.bands_hz[b] > 1250) continue;
-    if (!metrics.bands[b].t20_s) return nullptr;
+    if (!metrics.bands[b].t20_s) return std::nullopt;
     sum += *metrics.bands[b].t20_s;
     ++count;
   }
-  return count > 0 ? rounded(sum / count) : nlohmann::ordered_json(nullptr);
+  return count > 0 ? std::optional(sum / count) : std::nullopt;
 }
-
-}  // namespace
 
 nlohmann::ordered_json place_label(glm::dvec3 position) { return {position.x, position.y, position.z}; }
 
@@ -51,11 +51,19 @@ nlohmann::ordered_json rounded_delay(double seconds) { return rounded(seconds, k
 void add_metrics(const AcousticScene& acoustics, const EnergyResponse& response, const SourceField* field, nlohmann::ordered_json& line) {
   const RoomMetrics metrics = measure(acoustics, response);
   line["drr_db"] = rounded(metrics.drr_db);
-  line["t20_mid_s"] = mid_t20(metrics);
+  line["t20_mid_s"] = rounded(mid_t20_s(metrics));
   line["t20_s"] = per_band(metrics, [](const BandMetrics& band) { return band.t20_s; });
   line["rt60_s"] = per_band(metrics, [](const BandMetrics& band) { return band.rt60_s; });
   line["c50_db"] = per_band(metrics, [](const BandMetrics& band) { return band.c50_db; });
   line["field_t20_error"] = field ? rounded(field->t20_error()) : nlohmann::ordered_json(nullptr);
+}
+
+void add_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                const EnergyResponse& response, nlohmann::ordered_json& line) {
+  const MetricErrors errors = standard_errors(acoustics, candidates, field, listener, response);
+  nlohmann::ordered_json values = nlohmann::ordered_json::array();
+  for (const BandMetrics& band : errors.bands) values.push_back(rounded(band.t20_s));
+  line["t20_error_s"] = values;
 }
 
 }  // namespace earshot

@@ -3,13 +3,16 @@
 
 #include <glm/vec3.hpp>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
 
 namespace earshot {
 
+class EarlyCandidates;
 class SourceField;
+struct RoomMetrics;
 
 /// Labels of a response that all manifests have in common.
 
@@ -23,5 +26,11 @@ double direct_delay_s(glm::vec3 source, glm::vec3 listener, const EnergyResponse
 nlohmann::ordered_json rounded_delay(double seconds);
 /// drr_db, t20_mid_s, t20_s, rt60_s, c50_db and field_t20_error, from the energy response.  field: null without one.
 void add_metrics(const AcousticScene& acoustics, const EnergyResponse& response, const SourceField* field, nlohmann::ordered_json& line);
+
+/// t20_error_s: standard errors of t20_s per band, null where they are not known; an empty list without any (standard_errors.h).
+void add_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field, glm::vec3 listener,
+                const EnergyResponse& response, nlohmann::ordered_json& line);
+/// Mean over the octaves at 500 Hz and 1 kHz, as ISO 3382-1 states single numbers; none if one of them has no value.
+std::optional<double> mid_t20_s(const RoomMetrics& metrics);
 
 }  // namespace earshot

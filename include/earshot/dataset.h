@@ -7,10 +7,12 @@
 ///
 /// Errors: InputError for a config that cannot work, or a folder that holds another corpus; RunError for a full disk.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "earshot/config.h"
@@ -31,6 +33,7 @@ struct CorpusReport {
   std::uint64_t written = 0;        ///< items of this call
   std::uint64_t total = 0;          ///< items of the whole corpus
   std::size_t folders_missing = 0;  ///< of other shards; 0: the corpus is complete and its manifests are written
+  std::size_t left_out = 0;         ///< bad files that skip_bad leaves out
 };
 
 /// Room impulse responses with their labels, as `earshot dataset rir` (config: configs/datasets/rir.yaml), in sound files.
@@ -48,6 +51,11 @@ struct ConvolveOptions {
   std::uint64_t count = 0;  ///< signals; 0: one per speech file
   int min_talkers = 1, max_talkers = 1;
   bool early = false, dry = false, stems = false;  ///< further files for each talker: early part, dry speech, its part of the mixture
+  /// Leave out files that cannot be used, and list them in inputs.jsonl; otherwise the first one is an InputError.
+  bool skip_bad = false;
+  /// Ranges over which the reverberation time (t20_mid_s, in seconds) and the direct-to-reverberant ratio (drr_db) of the first talker's
+  /// response are uniform, in tenths; none: as in the corpus.  InputError where the corpus lacks such responses.
+  std::optional<std::array<float, 2>> rt60_s = {}, drr_db = {};
 };
 /// As `earshot dataset convolve`.
 CorpusReport write_convolved_corpus(const ConvolveOptions& convolve, const CorpusOptions& options);

@@ -63,8 +63,11 @@ class Panorama(Section):
 
     #: Width, over 360 degrees. Range: 8 to 4,096.
     width_px: int = 1152
-    #: Height; at most half of the width. Range: 4 to 2,048.
+    #: Height; without views at most half of the width. Range: 4 to 2,048.
     height_px: int = 384
+    #: Pinhole pictures side by side that make up the panorama, of 360 / views degrees each. 0: one picture, uniform in angle.
+    #: Range: 0 to 360.
+    views: int = 0
 
 
 @dataclasses.dataclass(kw_only=True, slots=True)
@@ -99,12 +102,20 @@ class ResponseCorpusConfig(Section):
     min_distance_m: float = 0.5
     #: Longest distance from source to listener. Range: above 0.
     max_distance_m: float = 1000.0
+    #: Largest difference in height between source and listener. Range: above 0.
+    max_height_difference_m: float = 1000.0
     #: Directional patterns, one drawn for each source, which faces anywhere. Range: a directional pattern.
     source_patterns: list[str] = dataclasses.field(default_factory=lambda: ["omni"])
     #: Pitch of listeners; headings are anywhere. Range: least and largest, -90 to 90.
     pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
     roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+    #: Reverberation times (t20_mid_s): rooms are drawn again until each tenth of the range comes equally often. [0, 0]: as the
+    #: rooms. Range: least and largest, 0 to 100.
+    rt60_s: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+    #: Direct-to-reverberant ratios: listeners are drawn again in the same way. [0, 0]: as the places. Range: least and largest,
+    #: -100 to 100.
+    drr_db: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
     #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
@@ -118,6 +129,8 @@ class ResponseCorpusConfig(Section):
     sofa: bool = False
     #: Time after the direct sound at which a response is split into an early and a late file. 0: no split. Range: at least 0.
     split_ms: float = 0.0
+    #: Standard errors of t20_s in the manifest. Costs at least one more trace per response, nothing with a field.
+    stated_errors: bool = False
     #: Panoramas of colour, depth and category from the places of the listeners.
     panorama: Panorama | None = None
     #: Rooms in each folder of the corpus. Range: 1 to 10,000.
@@ -152,12 +165,20 @@ class RecordingCorpusConfig(Section):
     min_distance_m: float = 0.5
     #: Longest distance from source to listener. Range: above 0.
     max_distance_m: float = 1000.0
+    #: Largest difference in height between source and listener. Range: above 0.
+    max_height_difference_m: float = 1000.0
     #: Directional patterns, one drawn for each source, which faces anywhere. Range: a directional pattern.
     source_patterns: list[str] = dataclasses.field(default_factory=lambda: ["omni"])
     #: Pitch of listeners; headings are anywhere. Range: least and largest, -90 to 90.
     pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
     roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+    #: Reverberation times (t20_mid_s): rooms are drawn again until each tenth of the range comes equally often. [0, 0]: as the
+    #: rooms. Range: least and largest, 0 to 100.
+    rt60_s: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
+    #: Direct-to-reverberant ratios: listeners are drawn again in the same way. [0, 0]: as the places. Range: least and largest,
+    #: -100 to 100.
+    drr_db: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
     #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
@@ -165,6 +186,8 @@ class RecordingCorpusConfig(Section):
     hrtf: str = ""
     #: Format of sound files: 32-bit WAV, or FLAC of at most 8 channels.
     format: FlacWav = "wav"
+    #: Standard errors of t20_s in the manifest. Costs at least one more trace per response, nothing with a field.
+    stated_errors: bool = False
     #: Rooms in each folder of the corpus. Range: 1 to 10,000.
     rooms_per_folder: int = 10
     #: Simulation of responses: a preset, and keys over it.
