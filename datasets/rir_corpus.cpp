@@ -11,9 +11,9 @@
 
 #include "datasets/corpus_folder.h"
 #include "datasets/corpus_parts.h"
+#include "datasets/inputs/wished_rooms.h"
 #include "datasets/rir_corpus_response.h"
 #include "datasets/rir_corpus_room.h"
-#include "datasets/rir_corpus_wishes.h"
 #include "sim/base/engine_commit.h"
 #include "sim/base/errors.h"
 #include "sim/base/text/json.h"

@@ -127,12 +127,12 @@ void read_acoustics(ConfigReader& reader, RirCorpusConfig& config) {
 }
 
 void validate_wishes(const RirCorpusConfig& config) {
-  const auto is_range = [](const std::vector<float>& range) { return range[0] < range[1] || (range[0] == 0 && range[1] == 0); };
-  require(is_range(config.rt60_s), "rt60_s", shown(config.rt60_s), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the rooms");
-  require(is_range(config.drr_db), "drr_db", shown(config.drr_db), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the places");
-  if (wishes(config.rt60_s) && !config.scenes.empty() && !config.randomize)
+  const auto is_valid = [](const std::vector<float>& range) { return is_range(range) || (range[0] == 0 && range[1] == 0); };
+  require(is_valid(config.rt60_s), "rt60_s", shown(config.rt60_s), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the rooms");
+  require(is_valid(config.drr_db), "drr_db", shown(config.drr_db), "must be [LOW, HIGH] with LOW < HIGH; [0, 0]: as the places");
+  if (is_range(config.rt60_s) && !config.scenes.empty() && !config.randomize)
     throw InputError("rt60_s", "cannot be drawn in scenes whose materials are fixed", "add randomize: {}, or leave out scenes");
-  if (wishes(config.drr_db) && config.shared_listeners)
+  if (is_range(config.drr_db) && config.shared_listeners)
     throw InputError("drr_db", "cannot be drawn with shared_listeners: true: a listener has another ratio for each source",
                      "leave out one of the two keys");
 }

@@ -50,7 +50,7 @@ struct RirCorpusConfig {
   std::vector<float> pitch_deg = {0, 0}, roll_deg = {0, 0};                             ///< of listeners; headings are anywhere
 
   /// Least and largest reverberation time (t20_mid_s) and direct-to-reverberant ratio (drr_db), drawn so that each tenth comes equally
-  /// often (rir_corpus_wishes.h); {0, 0}: as rooms and places give them.
+  /// often (inputs/wished_rooms.h); {0, 0}: as rooms and places give them.
   std::vector<float> rt60_s = {0, 0}, drr_db = {0, 0};
 
   std::string channels = "binaural", hrtf;  ///< as `earshot rir`
@@ -68,7 +68,7 @@ struct RirCorpusConfig {
 };
 
 /// Whether a range of rt60_s or drr_db is asked for.
-inline bool wishes(const std::vector<float>& range) { return range[0] < range[1]; }
+inline bool is_range(const std::vector<float>& range) { return range[0] < range[1]; }
 
 /// Reads the keys above over `config`; a missing key keeps its value.  Throws InputError.
 void read(ConfigReader& reader, RirCorpusConfig& config);

@@ -13,9 +13,9 @@
 #include <optional>
 #include <span>
 
+#include "datasets/inputs/wished_rooms.h"
 #include "datasets/labels/label_number.h"
 #include "datasets/labels/response_labels.h"
-#include "datasets/rir_corpus_wishes.h"
 #include "sim/acoustics/source_field/field_for_poses.h"
 #include "sim/acoustics/synthesis/carriers.h"
 #include "sim/base/errors.h"

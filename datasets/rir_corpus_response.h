@@ -37,7 +37,7 @@ class CorpusSourceRenderer {
  private:
   struct Recording;  // of the response at one listener: its names, its files and its line of the manifest
 
-  /// Draws the place of a listener, again where the config wishes (rir_corpus_wishes.h), and computes response_ there.
+  /// Draws the place of a listener, again where the config asks for it (inputs/wished_rooms.h), and computes response_ there.
   CorpusListener hear(int listener);
   /// Appends the samples to the files, or to sofa_; returns the name of their file.
   std::string store(Recording& recording, const std::string& suffix, std::span<const float> channels);
