@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Fails on a private word where the field has one of its own (docs/reference/glossary.md), so that a search for the standard term finds the code.
-# Each row: a Perl regular expression and the term to use.  Legs of furniture are exempt.  Words with a second, ordinary meaning are given by the
+# Each row: a Perl regular expression and the term to use.  Legs of furniture and share_memory_() of PyTorch are exempt.  Words with a second, ordinary meaning are given by the
 # phrases and identifiers in which they have the private one.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -17,7 +17,7 @@ rows=(
   '[Kk]ept[_ ]responses?'                                   'cached response'
   '[Rr]ay[_ ]balance|choose_copies|effective_count'         'population control, systematic_resample, effective_sample_size'
   '(^|[^a-z])([Ll]eg|[Ff]light)s?([^a-z]|$)|diffuse_last_leg' 'segment'
-  '\bshares? of\b|[a-z]_share\b|\bshare_[a-z]|[a-z]Share\b|\bshare\b *[-*+=]|[^.]\bshare\(' 'fraction, weight'
+  '\bshares? of\b|[a-z]_share\b|\bshare_(?!memory_\()[a-z]|[a-z]Share\b|\bshare\b *[-*+=]|[^.]\bshare\(' 'fraction, weight'
   'ListenerTurn|listener_turn|to_own|hrtf[-_]turn'          'orientation, world_to_local'
   '[Ll]ate[_ ]?[Ee]ars?\b|[Ee]ar[_ ]?[Nn]oise'              'binaural late tail, precomputed binaural noise'
   '[Ll]ate[_ ]?[Nn]odes?\b|[Ss]tretch(es)?\b'               'envelope samples, segment'

@@ -18,6 +18,21 @@ def after_fork_in_parent() -> None: ...
 def after_fork_in_child() -> None: ...
 def wait_until_idle(patience_s: float) -> bool: ...
 def files_of_channels(channels: str) -> list[tuple[str, int]]: ...
+def write_signals(
+    corpus: str,
+    speech: str,
+    out: str,
+    noise: str,
+    seed: int,
+    count: int,
+    talkers: tuple[int, int],
+    parts: tuple[bool, bool, bool],
+    skip_bad: bool,
+    rt60_s: tuple[float, float] | None,
+    drr_db: tuple[float, float] | None,
+    threads: int,
+    shard: str,
+) -> tuple[int, int, int, int]: ...
 
 class SceneModel:
     def __init__(

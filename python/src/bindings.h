@@ -33,5 +33,6 @@ void bind_scene(nb::module_& m);
 void bind_navigation(nb::module_& m);
 void bind_response(nb::module_& m);
 void bind_batch(nb::module_& m);
+void bind_corpora(nb::module_& m);
 
 }  // namespace earshot::python

@@ -75,4 +75,5 @@ NB_MODULE(_engine, m) {
   earshot::python::bind_response(m);
   earshot::python::bind_navigation(m);
   earshot::python::bind_batch(m);
+  earshot::python::bind_corpora(m);
 }

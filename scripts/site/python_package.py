@@ -74,6 +74,15 @@ Environments
    :members:
    :undoc-members:
 
+Corpora
+-------
+
+How to use them: :doc:`../howto/datasets_loaders`.
+
+.. automodule:: earshot.data
+   :members:
+   :imported-members:
+
 Configs
 -------
 
