@@ -14,10 +14,11 @@ PanelEdges::PanelEdges(const Scene& scene, const DiffractionEdges& edges, std::s
   for (std::uint32_t index = 0; index < edges.size(); ++index) {
     const DiffractionEdge& edge = edges[index];
     if (edge.exterior_rad < kBluntRad) continue;
-    const double inset_m = std::min(0.02 * edge.length_m, 200.0 * edges.clearance_m());
     const glm::dvec3 middle = edge.at(0.5 * edge.length_m);
     for (const bool first : {true, false}) {
       const glm::dvec3 face = first ? edge.face : edge.second_face(), normal = first ? edge.first_normal : edge.second_normal;
+      const double width_m = first ? edge.first_width_m : edge.second_width_m;
+      const double inset_m = std::min({0.02 * edge.length_m, 200.0 * edges.clearance_m(), 0.25 * width_m});
       const Hit hit =
           scene.rays().intersect(glm::vec3(middle + inset_m * (face + normal)), glm::vec3(-normal), static_cast<float>(2 * inset_m));
       if (!hit.valid() || std::abs(glm::dot(glm::dvec3(hit.normal), normal)) < 0.999) continue;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim/acoustics/geometry/panel_edges.h"
+#include "sim/scene/scene.h"
 
 namespace earshot {
 
@@ -17,7 +18,13 @@ namespace earshot {
 inline constexpr double kLeastPanelM = 0.35;
 
 /// One side of a panel that ends in the air all round: a rectangle, about.
+///
+/// Or of a thin panel that stands on another surface, its base, at a right angle (a balcony front, a rib of a coffer, a screen).  Its
+/// rectangle is the panel and its mirror image in the base: rigid surfaces at right angles have the field of the doubled panel alone, from
+/// the source and from its image in the base.  Where it ends at walls beside it too, it goes on by its length there.
 struct PanelShape {
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+
   glm::dvec3 centre{0}, normal{0};      ///< normal: unit, into the air
   std::array<glm::dvec3, 2> axis{};     ///< unit, in the plane, at right angles
   std::array<double, 2> half_side_m{};  ///< along each axis
@@ -26,7 +33,16 @@ struct PanelShape {
   /// Of a rigid sheet that is small against the wave: its wave is this times the wavenumber times Kirchhoff's.  The exact value of an
   /// ellipse of the same sides (Rayleigh 1897, Phil. Mag. 44, 28-52), within 5 % for a strip and for a square.
   double low_ratio_m = 0;
+  /// Standing panels: the mirror planes of the base and of the panel's other side, and the panel of the base, kNone: it has no free edges.
+  std::uint32_t base_plane = kNone, base_panel = kNone, back_plane = kNone;
+  glm::dvec3 up{0};  ///< unit, from the base along the panel, whose centre is at the base
 
+  [[nodiscard]] bool stands() const { return base_plane != kNone; }
+  /// Mirrored in the base.
+  [[nodiscard]] glm::dvec3 in_base(glm::dvec3 point) const { return point - 2.0 * glm::dot(point - centre, up) * up; }
+  /// Mirrored in the panel.
+  [[nodiscard]] glm::dvec3 mirrored(glm::dvec3 point) const { return point - 2.0 * glm::dot(point - centre, normal) * normal; }
+  [[nodiscard]] double height_m() const { return half_side_m[1]; }  ///< of a standing panel: `up` is axis[1]
   [[nodiscard]] double area_m2() const { return 4.0 * half_side_m[0] * half_side_m[1]; }
   /// The point of the panel that is nearest to a point of its plane.
   [[nodiscard]] glm::dvec3 nearest(glm::dvec3 point) const;
@@ -37,13 +53,14 @@ struct PanelShape {
 };
 
 /// The panels of a scene: planes, or parts of planes, whose free edges close to about a rectangle with a shorter side of kLeastPanelM to
-/// kWideFaceM.
+/// kWideFaceM; and thin ones that stand on another surface.
 /// Immutable.
 class PanelShapes {
  public:
-  static constexpr std::uint32_t kNone = 0xffffffffU;
-  /// A few us per panel.
-  PanelShapes(const PanelEdges& edges, std::size_t num_planes, std::size_t num_edges);
+  static constexpr std::uint32_t kNone = PanelShape::kNone;
+  /// A few us per panel, and half a dozen rays for one that may stand on another surface.
+  PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<const std::uint32_t> plane_of_triangle, std::size_t num_planes,
+              std::size_t num_edges);
   [[nodiscard]] std::span<const PanelShape> all() const { return shapes_; }
   /// The panel of a plane that a point of the plane lies on, on the side of `from`; null: none.
   [[nodiscard]] const PanelShape* find(std::uint32_t plane, glm::dvec3 point, glm::dvec3 from) const;
@@ -57,7 +74,12 @@ class PanelShapes {
   [[nodiscard]] std::size_t bytes() const;  ///< of memory
 
  private:
-  void add(std::span<const PanelEdge> sides, std::span<const std::size_t> members, std::uint32_t plane);
+  /// Keeps one of two panels that end at each other.  Where two sides share a plane, the other side of one that stands, and of a base, is
+  /// one too.
+  void add_backs();
+  /// By plane.
+  void sort(std::size_t num_planes);
+  void find_bases();
 
   std::vector<PanelShape> shapes_;            ///< by plane
   std::vector<std::size_t> begin_;            ///< by plane

@@ -181,6 +181,7 @@ DiffractionCandidates::DiffractionCandidates(const AcousticScene& scene, glm::ve
   bands_ = edge_bands(scene);
   if (scene.image_order() > 0 && scene.panel_shapes() != nullptr)
     panels_ = scene.panel_shapes()->largest_from(glm::dvec3(source), budget_.panels);
+  has_standing_ = std::ranges::any_of(panels_, [&](std::uint32_t index) { return scene.panel_shapes()->all()[index].stands(); });
   EdgeGrowth growth(scene, source);
   growth.expand(budget_.expansions);
   const std::vector<RankedCandidate> kept = growth.strongest(static_cast<std::size_t>(budget_.sequences));

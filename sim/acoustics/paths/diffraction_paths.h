@@ -54,6 +54,8 @@ class DiffractionCandidates {
   /// that the source sees largest.  None without images: the tracers reflect the whole of a panel then.
   [[nodiscard]] std::span<const std::uint32_t> panels() const { return panels_; }
   [[nodiscard]] bool has_wave(std::uint32_t panel) const { return std::ranges::find(panels_, panel) != panels_.end(); }
+  /// Does one of panels() stand on another surface?
+  [[nodiscard]] bool has_standing() const { return has_standing_; }
   /// Bands of the scene as edges use them; empty without edges.
   [[nodiscard]] std::span<const EdgeBands> bands() const { return bands_; }
 
@@ -73,6 +75,7 @@ class DiffractionCandidates {
   DiffractionBudget budget_;               ///< of the config that this was made with
   std::vector<EdgeCandidate> candidates_;  ///< by group, strongest estimate first within each
   std::vector<std::uint32_t> panels_;
+  bool has_standing_ = false;
   std::vector<Group> groups_;  ///< the one with the strongest candidate first
 };
 

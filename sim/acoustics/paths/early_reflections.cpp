@@ -143,7 +143,9 @@ bool meets_its_plane(const AcousticScene& scene, bool by_folds, std::size_t i, d
 }
 
 /// By rays: is the first thing that each segment meets a triangle of its plane?  Notes what the path meets and keeps.
-bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 listener, glm::vec3 source, MirrorPath& path) {
+/// standing: what is no obstacle to a single reflection; null: none.
+bool confirm_segments(const AcousticScene& scene, bool by_folds, const StandingPanels* standing, glm::vec3 listener, glm::vec3 source,
+                      MirrorPath& path) {
   const EmbreeScene& rays = scene.scene().rays();
   const FoldedPlanes& folds = scene.folds();
   path.energy_fraction.fill(1.0);
@@ -155,7 +157,8 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
     if (i + 1 < path.order() && segment_m < 1e-5 * scene.diagonal_m()) {
       material = pass_edge(scene, i, listener, origin, path);
     } else {
-      const Hit hit = rays.intersect(origin, glm::vec3(segment / segment_m));
+      const glm::vec3 toward(segment / segment_m);
+      const Hit hit = standing != nullptr ? standing->hit_past(origin, toward) : rays.intersect(origin, toward);
       if (!hit.valid()) return false;
       path.met_plane[i] = scene.plane_of_triangle()[hit.triangle];
       if (!folds.planes.empty()) path.met_fold[i] = folds.fold_of_triangle[hit.triangle];
@@ -169,7 +172,7 @@ bool confirm_segments(const AcousticScene& scene, bool by_folds, glm::vec3 liste
       path.phase_rad[band] += reflection.phase_rad;
     }
   }
-  return !rays.occluded(origin, source);
+  return standing != nullptr ? standing->is_free(origin, source) : !rays.occluded(origin, source);
 }
 
 /// An image with panels of finite size, as fractions of its energy.
@@ -235,12 +238,29 @@ EarlyCandidates::EarlyCandidates(const AcousticScene& scene, const SoundSource& 
   if (auto chains = std::make_shared<const LongChains>(scene, sound_source); !chains->empty()) long_chains_ = std::move(chains);
 
   if (!append_all_sequences(order, num_planes, sequences_)) append_met_sequences(scene, source(), motion, sequences_);
+  append_panels(scene);
   std::sort(sequences_.begin(), sequences_.end());
   sequences_.erase(std::unique(sequences_.begin(), sequences_.end()), sequences_.end());
   num_by_planes_ = sequences_.size();
   if (!scene.folds().planes.empty()) add_folds(scene);
   sequences_.shrink_to_fit();  // of thousands of rays hundreds of sequences remain, and thousands of sources may be held
   find_images(scene);
+}
+
+void EarlyCandidates::append_panels(const AcousticScene& scene) {
+  for (const std::uint32_t index : diffraction_.panels()) {
+    const PanelShape& panel = scene.panel_shapes()->all()[index];
+    Sequence& alone = sequences_.emplace_back();
+    alone.plane[0] = panel.plane;
+    alone.order = 1;
+    if (!panel.stands() || scene.image_order() < 2) continue;
+    for (const bool base_first : {false, true}) {
+      Sequence& by_base = sequences_.emplace_back();
+      by_base.plane[base_first ? 1 : 0] = panel.plane;
+      by_base.plane[base_first ? 0 : 1] = panel.base_plane;
+      by_base.order = 2;
+    }
+  }
 }
 
 void EarlyCandidates::find_images(const AcousticScene& scene) {
@@ -295,7 +315,7 @@ bool EarlyCandidates::find_sequence(std::span<const std::uint32_t> planes, std::
 
 bool EarlyCandidates::contains(std::span<const std::uint32_t> planes) const { return find_sequence(planes, 0, num_by_planes_); }
 
-bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival,
+bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, bool with_standing, Arrival& arrival,
                                 Arrival& scattered) const {
   const Sequence& sequence = sequences_[index];
   const glm::dvec3 from_listener = images_[index] - glm::dvec3(listener);
@@ -305,8 +325,10 @@ bool EarlyCandidates::find_path(const AcousticScene& scene, std::size_t index, g
   const bool by_folds = index >= num_by_planes_;
   MirrorPath path(sequence);
   if (!find_reflection_points(scene, images_[index], glm::dvec3(listener), path)) return false;
-  if (!confirm_segments(scene, by_folds, listener, source(), path)) return false;
   const std::size_t order = path.order();
+  if (with_standing && is_standing_wave(scene, path.planes(), std::span(path.point).first(order))) return false;
+  const StandingPanels standing(scene, diffraction_.panels(), path.planes().front());
+  if (!confirm_segments(scene, by_folds, with_standing && order == 1 ? &standing : nullptr, listener, source(), path)) return false;
   if (!scene.folds().planes.empty() && !weigh_folds(scene, std::span(path.met_plane).first(order), std::span(path.met_fold).first(order),
                                                     by_folds, listener, path.energy_fraction))
     return false;
@@ -368,6 +390,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
   if (Arrival direct; in_sight && set_direct(scene, source(), listener, direct)) arrivals.push_back(direct);
 
   const std::size_t first_image = arrivals.size();
+  const bool with_standing = in_sight && diffraction_.has_standing();
   std::size_t first_by_folds = 0;  // an image by folds and one by planes may be the same and share its energy
   Arrival arrival, missing;
   std::array<std::uint8_t, 256> possible;
@@ -375,7 +398,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
     if (i % possible.size() == 0)
       cull(i, glm::dvec3(listener), std::span(possible).first(std::min(possible.size(), sequences_.size() - i)));
     if (possible[i % possible.size()] == 0) continue;
-    if (!find_path(scene, i, listener, arrival, missing)) continue;
+    if (!find_path(scene, i, listener, with_standing, arrival, missing)) continue;
     if (i >= num_by_planes_ && first_by_folds == 0) first_by_folds = arrivals.size();
     const bool known = std::any_of(arrivals.begin() + static_cast<std::ptrdiff_t>(std::max(first_image, first_by_folds)), arrivals.end(),
                                    [&](const Arrival& other) { return same_path(arrival, other); });
@@ -384,6 +407,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
     if (scattered != nullptr && missing.order > 0) scattered->push_back(missing);
   }
   if (in_sight) find_panel_waves(scene, listener, arrivals, scattered);
+  if (with_standing) find_standing_waves(scene, listener, arrivals, scattered);
   // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
   for (std::size_t i = first + 1; i < arrivals.size(); ++i) {
     for (std::size_t j = i; j > first && arrivals[j].distance_m < arrivals[j - 1].distance_m; --j) {

@@ -50,6 +50,12 @@ class EarlyCandidates {
   /// of its panel that is nearest to that of reflection.
   void find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
                         std::vector<Arrival>* scattered) const;
+  /// The same of thin panels that stand on another surface (PanelShape::stands), in place of their images and of images by one reflection
+  /// in their base as well: to their side of the source from the source and from its image in the base, whether images are in sight or
+  /// not; on their other side the same with the opposite sign is the shadow, which joins direct sound and the reflection of the base.
+  /// After find_panel_waves; part of find_arrivals if in_sight.
+  void find_standing_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
+                           std::vector<Arrival>* scattered) const;
   /// Direct sound of a point in sight, without its emission.  False where it comes after config.rir_length_s, or direct sound is off.
   static bool set_direct(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener, Arrival& direct);
   /// Is this plane sequence, in the order from the source, among the candidates?  Then image paths carry its specular energy.
@@ -78,7 +84,17 @@ class EarlyCandidates {
   bool weigh_folds(const AcousticScene& scene, std::span<const std::uint32_t> met, std::span<const std::uint32_t> fold, bool by_folds,
                    glm::vec3 listener, std::span<double> energy_fraction) const;
   [[nodiscard]] bool find_sequence(std::span<const std::uint32_t> planes, std::size_t begin, std::size_t end) const;
-  bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, Arrival& arrival, Arrival& scattered) const;
+  /// with_standing: panels that stand on others have waves in place of this path.
+  bool find_path(const AcousticScene& scene, std::size_t index, glm::vec3 listener, bool with_standing, Arrival& arrival,
+                 Arrival& scattered) const;
+  /// Has a wave of find_standing_waves the reflection by these planes, at these points?
+  [[nodiscard]] bool is_standing_wave(const AcousticScene& scene, std::span<const std::uint32_t> planes,
+                                      std::span<const glm::dvec3> points) const;
+  /// Of the arrivals from `first` on: weak ones, and all but the strongest, become `scattered`.
+  void keep_strongest(const AcousticScene& scene, glm::vec3 listener, std::size_t first, std::vector<Arrival>& arrivals,
+                      std::vector<Arrival>* scattered) const;
+  /// Candidates for the images of panels that have waves, which rays may miss: what has no candidate is the tracers'.
+  void append_panels(const AcousticScene& scene);
   /// Marks the sequences from `first` on whose last segment is possible, by the sides of the last plane and its bounds, for all poses in
   /// one plain loop that lets pass a little more than find_path does.
   void cull(std::size_t first, glm::dvec3 listener, std::span<std::uint8_t> possible) const;

@@ -203,6 +203,10 @@ PanelReflection::Factor PanelWave::factor(const WaveLanes& wave) const {
   return {sum / 3.f, argument(centre.whole)};
 }
 
+Lanes smallness_of(const PanelShape& panel, const WaveLanes& wave) {
+  return smallness(wave.number * static_cast<float>(panel.low_ratio_m));
+}
+
 double small_panel_gain(const PanelShape& panel, double wavenumber, double cosine) {
   if (!panel.is_sheet) return 1;
   const Lanes low = all_lanes(static_cast<float>(wavenumber * panel.low_ratio_m)), small = smallness(low);

@@ -92,6 +92,9 @@ class PanelWave {
   bool in_sight_ = false, is_sheet_ = false;
 };
 
+/// 1 for a sheet that is small against the wave, 0 for a large one: how PanelWave goes from one to the other.
+Lanes smallness_of(const PanelShape& panel, const WaveLanes& wave);
+
 /// Energy of a sheet over Kirchhoff's: 1 if it is large against the wave, or the face of a solid.  cosine: of incidence.
 double small_panel_gain(const PanelShape& panel, double wavenumber, double cosine);
 

@@ -88,6 +88,41 @@ inline SectorEnergy by_engine(const Structure& structure, bool all_edges, int oc
   return energy;
 }
 
+/// All paths less the free field of the source, with their phases, and the energy that joins the late field: what a structure scatters, its
+/// shadow too.
+inline SectorEnergy scattered_by_engine(const Structure& structure, bool all_edges, int octaves) {
+  const AcousticScene scene(drawn_out(structure), config_of(all_edges));
+  const glm::dvec2 s = on_circle(kSourceM, structure.source_deg);
+  const EarlyCandidates candidates(scene, glm::vec3(s.x, s.y, 0.013));
+  SectorEnergy energy{};
+  EnergyResponse response;
+  for (int i = 0; i < kSectors * kPerSector; ++i) {
+    const glm::dvec2 r = on_circle(kListenerM, listener_deg(i));
+    const glm::vec3 listener(r.x, r.y, 0.f);
+    compute_energy_response(scene, candidates, listener, response);
+    const double straight_m = glm::length(glm::dvec3(candidates.source()) - glm::dvec3(listener));
+    for (int band = 0; band < octaves * kBandsPerOctave; ++band) {
+      const double k = 2 * kPi * scene.bands().centre_hz[static_cast<std::size_t>(band)] / scene.speed_of_sound_m_per_s();
+      const std::complex<double> incident = std::polar(1 / (4 * kPi * straight_m), -k * straight_m);
+      double sum = std::norm(coherent_field::pressure(scene, response.arrivals, static_cast<std::size_t>(band)) - incident);
+      for (const Arrival& arrival : response.scattered) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
+      energy[static_cast<std::size_t>(band / kBandsPerOctave)][static_cast<std::size_t>(i / kPerSector)] +=
+          sum * std::pow(4 * kPi * (kSourceM + kListenerM), 2) / kPerSector / kBandsPerOctave;
+    }
+  }
+  return energy;
+}
+
+/// A sheet of this width about the origin with others of a height upright on it; corners where they meet.
+inline Structure with_uprights(std::string name, double width_m, double height_m, const std::vector<double>& at_m, double source_deg) {
+  Structure structure{std::move(name), {{{-0.5 * width_m, 0}}}, source_deg};
+  for (const double x : at_m)
+    if (std::abs(x) < 0.5 * width_m - 1e-6) structure.sheets[0].push_back({x, 0});
+  structure.sheets[0].push_back({0.5 * width_m, 0});
+  for (const double x : at_m) structure.sheets.push_back({{x, 0}, {x, height_m}});
+  return structure;
+}
+
 /// Is a whole sector in front of all sheets, as the source is?
 inline bool in_front(const Structure& structure, int sector) {
   for (const rigid_sheets::Sheet& sheet : structure.sheets)

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
+#include <tuple>
 
 #include "sim/acoustics/model/acoustic_surfaces.h"
 #include "sim/base/random.h"
@@ -86,6 +87,68 @@ TEST(PanelShapes, HolesAndSmallSheetsAreNone) {
   for (const PanelShape& shape : surfaces.panel_shapes()->all()) {
     EXPECT_LT(shape.centre.y, 1);
     EXPECT_GT(shape.area_m2(), 8);  // never the hole
+  }
+}
+
+TEST(PanelShapes, DrawnSheetsThatStandOnTheFloorAreDoubled) {
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {40, 12, 12}, 0);
+  std::array<double, 10> height_m, length_m;
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    height_m[i] = drawn(i, 3, 0.3, 2), length_m[i] = drawn(i, 4, 0.5, 3);
+    const double turn = drawn(i, 5, 0, 2 * std::numbers::pi);
+    append_rectangle(mesh, {3.6 * i + 3.0, 0.5 * height_m[i], -6}, {0, 0.5 * height_m[i], 0},
+                     0.5 * length_m[i] * glm::dvec3(std::cos(turn), 0, std::sin(turn)));
+  }
+  const AcousticSurfaces surfaces = surfaces_of(std::move(mesh));
+  const std::span<const PanelShape> shapes = surfaces.panel_shapes()->all();
+  ASSERT_EQ(shapes.size(), 20u);
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    int sides = 0;
+    for (const PanelShape& shape : shapes) {
+      if (glm::length(shape.centre - glm::dvec3(3.6 * i + 3.0, 0, -6)) > 0.02) continue;
+      ++sides;
+      EXPECT_TRUE(shape.stands());
+      EXPECT_TRUE(shape.is_sheet);
+      EXPECT_GT(shape.up.y, 0.999);
+      EXPECT_NEAR(shape.height_m(), height_m[i], 0.01);
+      EXPECT_NEAR(2 * shape.half_side_m[0], length_m[i], 0.01 * length_m[i] + 0.01);
+      EXPECT_EQ(shape.base_panel, PanelShape::kNone);
+      EXPECT_EQ(shape.back_plane, shape.plane);
+      EXPECT_LT(glm::length(shape.in_base({1, 2, 3}) - glm::dvec3(1, -2, 3)), 0.02);
+    }
+    EXPECT_EQ(sides, 2) << i;
+  }
+}
+
+TEST(PanelShapes, FurnitureAndDoorwaysDoNotStand) {
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {10, 3, 8}, 0);
+  rooms::append_box(mesh, {1, 0, -2}, {2, 0.8, -1}, 0);  // on the floor
+  // A wall with a doorway from side to side.
+  for (const auto& [from, to, low, high] : {std::tuple(0.0, 3.0, 0.0, 3.0), std::tuple(4.0, 8.0, 0.0, 3.0), std::tuple(3.0, 4.0, 2.1, 3.0)})
+    append_rectangle(mesh, {5, 0.5 * (low + high), -0.5 * (from + to)}, {0, 0.5 * (high - low), 0}, {0, 0, 0.5 * (to - from)});
+  const AcousticSurfaces surfaces = surfaces_of(std::move(mesh));
+  for (const PanelShape& shape : surfaces.panel_shapes()->all()) EXPECT_FALSE(shape.stands()) << shape.centre.x << " " << shape.centre.y;
+}
+
+TEST(PanelShapes, OfTwoSheetsThatEndAtEachOtherTheLowerStands) {
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    const double width_m = drawn(i, 6, 1.6, 3), height_m = drawn(i, 7, 0.4, 1.2);
+    TriangleMesh mesh;
+    append_rectangle(mesh, {0, 0, 0}, {0.5 * width_m, 0, 0}, {0, 0, 2});
+    append_rectangle(mesh, {-0.5 * width_m, 0.5 * height_m, 0}, {0, 0.5 * height_m, 0}, {0, 0, 2});
+    const AcousticSurfaces surfaces = surfaces_of(std::move(mesh));
+    int standing = 0, lying = 0;
+    for (const PanelShape& shape : surfaces.panel_shapes()->all()) {
+      (shape.stands() ? standing : lying) += 1;
+      if (!shape.stands()) continue;
+      EXPECT_NEAR(shape.height_m(), height_m, 0.01);
+      ASSERT_NE(shape.base_panel, PanelShape::kNone);
+      EXPECT_GT(surfaces.panel_shapes()->all()[shape.base_panel].normal.y, 0.99);
+    }
+    EXPECT_EQ(standing, 2) << i;
+    EXPECT_EQ(lying, 2) << i;
   }
 }
 

@@ -227,5 +227,33 @@ TEST(PanelWaves, SmallerPanelsKeepWhatTheyReflect) {
   EXPECT_GT(scattering, 20);
 }
 
+// A scene of so many planes that rays find the images, and rays that find none: a panel that has a wave has its image too, and the tracers
+// reflect nothing of it.  All else absorbs.
+TEST(PanelWaves, PanelsThatCandidateRaysMissAreCountedOnce) {
+  for (std::uint32_t number = 160; number < 160 + kDraws; ++number) {
+    Draws draw(number);
+    Place place(draw, -0.5, -0.1);  // the image is in sight
+    for (int i = 0; i < 2100; ++i) {
+      const double angle = 0.7 * i, slope = 1e-3 * i;
+      const glm::vec3 at(60 * std::cos(angle), 20 + 0.02 * i, 60 * std::sin(angle)), x(0.01, 0.01 * slope, 0), z(0.003 * slope, 0, 0.01);
+      rooms::append_quad(place.mesh, {at, at + x, at + x + z, at + z}, 1);
+    }
+    AcousticConfig config = config_with(Switch::automatic);
+    config.late = Switch::on;
+    config.rays = 256;
+    config.early_candidate_rays = 1;
+    const AcousticScene scene(rooms::scene_of(place.mesh, {kRigid, Material::uniform("black", 1.f, 0.f)}), config);
+    ASSERT_GT(scene.planes().size(), 2048u);
+    const EarlyCandidates candidates(scene, glm::vec3(place.source));
+    const std::array<std::uint32_t, 1> planes = {place.shape(scene).plane};
+    EXPECT_TRUE(candidates.contains(planes)) << number;
+    const EnergyResponse response = place.respond(scene);
+    EXPECT_EQ(std::ranges::count_if(response.arrivals, [](const Arrival& arrival) { return arrival.kind == ArrivalKind::reflection; }), 1);
+    double late = 0;
+    for (int bin = 0; bin < response.late.num_bins(); ++bin) late += double{response.late.energy(bin, 3)};
+    EXPECT_EQ(late, 0) << number;
+  }
+}
+
 }  // namespace
 }  // namespace earshot::panel_waves
