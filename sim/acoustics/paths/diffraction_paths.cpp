@@ -425,9 +425,8 @@ void DiffractionCandidates::Search::split(const DiffractionEdge& edge, const Fin
     }
     for (int lane = 0; lane < bands.count; ++lane) found_.jump[static_cast<std::size_t>(bands.first + lane)] = factors.jump[lane];
   }
-  for (std::size_t i = 0; i < 2; ++i) {
+  for (std::size_t i = 0; i < 2; ++i)
     if (is_audible[i]) found_.arrival[static_cast<std::size_t>(found_.count++)] = found_.arrival[i];
-  }
 }
 
 void DiffractionCandidates::Search::insert(const Arrival& arrival) {
