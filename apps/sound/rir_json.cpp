@@ -64,11 +64,8 @@ OrderedJson standard_errors_json(const MetricErrors& errors, bool has_field, con
     for (const BandMetrics& band : bands) json[key].push_back(number_or_null(band.*value));
   };
   add("rt60_s", &BandMetrics::rt60_s, errors.bands);
-  if (has_field) {
-    add("t20_s", &BandMetrics::t20_s, errors.bands);
-    return json;
-  }
   for (const ErrorEntry& entry : kErrorEntries) add(entry.key, entry.value, errors.bands);
+  if (has_field) return json;
   for (const RequestedMetricKey& entry : kRequestedMetricKeys)
     if (request.*entry.group) add(entry.key, entry.value, errors.bands);
   if (request.speech) json["sti"] = number_or_null(errors.sti);

@@ -26,7 +26,7 @@ OrderedJson metrics_json(const RoomMetrics& metrics, const ParameterRequest& req
 /// its lateral parameters are those of the energy response alone.
 void add_sample_metrics(const Rir& omni, const Rir& heard, const ListenerLayout& layout, const std::vector<std::string>& names,
                         RirMeasurement how, OrderedJson& json);
-/// Arrays per band of what `errors` has (standard_errors.h), with a field of rt60_s and t20_s alone.
+/// Arrays per band of what `errors` has (standard_errors.h), with a field without those of `request`.
 OrderedJson standard_errors_json(const MetricErrors& errors, bool has_field, const ParameterRequest& request);
 /// The request, the predicted error and cost of the choice, and all candidates tried (docs/reference/json_output.md, section 1).
 OrderedJson accuracy_json(const AccuracyTarget& target, const AccuracyPlan& plan);

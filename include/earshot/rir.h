@@ -82,7 +82,8 @@ class Response {
   /// @throws InputError for an unknown group.
   [[nodiscard]] Metrics measure(const ParameterOptions& parameters) const;
   /// Standard errors of the values of measure(), each in the field of its value; NaN where it is not known.  Twice an error covers 95 % of
-  /// seeds.  Costs one more trace at most; `interaural` also 16 renders for two ears of the orientation and head of `ears`.
+  /// seeds.  Costs one more trace at most, with a source field its photons twice more; `interaural` also 16 renders for two ears of the
+  /// orientation and head of `ears`.
   [[nodiscard]] Metrics standard_errors(const ParameterOptions& parameters = {}, const RenderOptions& ears = {}) const;
   [[nodiscard]] double speed_of_sound_m_per_s() const;
   /// Fraction of the traced rays that carry energy to the end, in [0, 1]: low values mean noisy late sound.

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "sim/acoustics/metrics/band_metric_keys.h"
 #include "sim/acoustics/metrics/draw_spread.h"
 #include "sim/acoustics/metrics/late_errors.h"
+#include "sim/acoustics/response/scattered_energy.h"
 #include "sim/acoustics/source_field/source_field.h"
 
 namespace earshot {
@@ -22,6 +24,11 @@ constexpr int kRepetitions = 8;
 constexpr int kBiasRays = 2048;
 /// Of the difference to a better response: twice this covers it where that response is itself off by a sixth of it.
 constexpr double kOfDifference = 0.6;
+/// Walls that scatter less are mirrors.
+constexpr double kMostScattering = 0.1;
+/// Cells that tell the blur of a field's, and by what fraction of its noise they differ for their own.
+constexpr float kFinerCells = 0.5f;
+constexpr double kNoiseOfCells = 0.5;
 constexpr std::array<BandValue, 3> kInteraural{&BandMetrics::iacc, &BandMetrics::iacc_early, &BandMetrics::iacc_late};
 
 /// Of one draw, times `factor`.
@@ -55,9 +62,24 @@ std::vector<BandMetrics> trace_with_many_rays(const AcousticScene& acoustics, co
   return measure(scene, response).bands;
 }
 
-/// The same without the bias.  Between facing mirrors from photons: rays meet few of the long chains there, and the late decay is theirs.
+/// Do walls reflect as mirrors, in the mean over their area and bands?
+bool has_mirrors_alone(const AcousticScene& acoustics) {
+  const TriangleMesh& mesh = acoustics.scene().mesh();
+  double area_m2 = 0, scattered_m2 = 0;
+  for (std::uint32_t triangle = 0; triangle < mesh.triangles.size(); ++triangle) {
+    const double of_triangle_m2 = static_cast<double>(acoustics.scene().triangle_area_m2(triangle));
+    const std::span<const float> scattering = acoustics.scattering(mesh.triangle_material[triangle]);
+    area_m2 += of_triangle_m2;
+    for (const float of_band : scattering) scattered_m2 += of_triangle_m2 * double{of_band} / static_cast<double>(scattering.size());
+  }
+  return scattered_m2 < kMostScattering * area_m2;
+}
+
+/// The same without the bias.  Between facing mirrors, and where nearly all walls are mirrors, from photons: rays meet few of the
+/// long chains there, and the late decay is theirs.
 std::vector<BandMetrics> trace_without_bias(const AcousticScene& acoustics, const EarlyCandidates& candidates, glm::vec3 listener) {
-  if (!candidates.long_chains()) return trace_with_many_rays(without_diffuse_last_segment(acoustics), candidates, listener);
+  if (!candidates.long_chains() && !has_mirrors_alone(acoustics))
+    return trace_with_many_rays(without_diffuse_last_segment(acoustics), candidates, listener);
   EnergyResponse response;
   compute_energy_response(acoustics, candidates, build_source_field(acoustics, candidates).get(), listener, response);
   return measure(acoustics, response).bands;
@@ -72,17 +94,6 @@ void repeat_trace(const AcousticScene& acoustics, const EarlyCandidates& candida
     compute_energy_response(scene, candidates, listener, response);
     visit(scene, response);
   }
-}
-
-/// Noise of the photons: their relative error of T20, a mean over bands and places.
-MetricErrors errors_of_field(const AcousticScene& acoustics, const SourceField& field, const EnergyResponse& response) {
-  MetricErrors errors;
-  for (const BandMetrics& band : measure(acoustics, response).bands) {
-    BandMetrics& error = errors.bands.emplace_back();
-    if (band.rt60_s) error.rt60_s = *band.rt60_s * field.t20_error();
-    if (band.t20_s) error.t20_s = *band.t20_s * field.t20_error();
-  }
-  return errors;
 }
 
 std::vector<BandMetrics> errors_of_batches(const std::vector<BandErrors>& batches) {
@@ -119,12 +130,78 @@ std::vector<BandMetrics> interaural_errors(const AcousticConfig& config, const E
   return errors;
 }
 
+/// Batches of the late field of a response that was gathered from `field`.
+LateBatches batches_of_field(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField& field,
+                             glm::vec3 listener, const EnergyResponse& response) {
+  EnergyHistogram exact = make_histogram(acoustics), gathered = exact;  // of images; of images and photons
+  if (candidates.long_chains()) candidates.long_chains()->add_late(acoustics, listener, exact);
+  field.gather(acoustics, listener, gathered);
+  EnergyHistogram scattered(response.late.num_bins(), response.late.num_bands(), 0, response.late.bin_s());
+  add_scattered_energy(response.scattered, response.speed_of_sound_m_per_s, scattered);
+  FieldBatches parts = field_batches(acoustics, candidates, field, listener);
+  LateBatches batches;
+  batches.count = parts.count;
+  batches.num_bins = response.late.num_bins();
+  batches.num_bands = response.late.num_bands();
+  batches.energy = std::move(parts.share);
+  std::size_t at = 0;
+  for (int batch = 0; batch < batches.count; ++batch)
+    for (int bin = 0; bin < batches.num_bins; ++bin)
+      for (int band = 0; band < batches.num_bands; ++band, ++at) {
+        const float whole = gathered.energy(bin, band);
+        const float of_photons = whole > 0 ? std::max(1 - exact.energy(bin, band) / whole, 0.f) : 0.f;
+        const float late = std::max(response.late.energy(bin, band) - scattered.energy(bin, band), 0.f);
+        batches.energy[at] = late * (1 + of_photons * (batches.energy[at] - 1));
+      }
+  return batches;
+}
+
+/// Parameters of a response from a field with cells of a given size, from the photons of the errors.
+std::vector<BandMetrics> measure_in_cells(const AcousticScene& acoustics, const EarlyCandidates& candidates, std::uint64_t photons,
+                                          glm::vec3 listener, float cell_m) {
+  AcousticConfig config = acoustics.config();
+  config.field_cell_m = cell_m;
+  const AcousticScene scene(AcousticSurfaces(acoustics.shared_scene(), config, acoustics.surfaces().found()), acoustics.plan());
+  EnergyResponse response;
+  compute_energy_response(scene, candidates, build_source_field_of(scene, candidates, photons).get(), listener, response);
+  return measure(scene, response).bands;
+}
+
+/// With a field: the spread of its photons at the listener, in quadrature with what cells of half the size change for the same photons:
+/// about as much again remains.  Smaller cells are noisier by themselves, which is left out.
+MetricErrors errors_of_field(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField& field,
+                             glm::vec3 listener, const EnergyResponse& response) {
+  EnergyResponse parts;
+  parts.arrivals = response.arrivals;
+  parts.late = response.late;
+  parts.scattered = response.scattered;
+  parts.speed_of_sound_m_per_s = response.speed_of_sound_m_per_s;
+  parts.air = response.air;
+  parts.batches = batches_of_field(acoustics, candidates, field, listener, response);
+  std::vector<BandErrors> errors = late_errors(acoustics, parts);
+
+  const std::uint64_t photons = std::min(field.photons(), kMostPhotonsOfErrors);
+  const float cell_m = acoustics.config().field_cell_m;
+  const std::vector<BandMetrics> here =
+      photons == field.photons() ? measure(acoustics, response).bands : measure_in_cells(acoustics, candidates, photons, listener, cell_m);
+  const std::vector<BandMetrics> finer = measure_in_cells(acoustics, candidates, photons, listener, kFinerCells * cell_m);
+  for (std::size_t band = 0; band < errors.size(); ++band)
+    for (const ErrorEntry& entry : kErrorEntries) {
+      const auto &value = here[band].*entry.value, &of_finer = finer[band].*entry.value;
+      std::optional<double>& error = errors[band].*entry.error;
+      if (!error || !value || !of_finer) continue;
+      const double change = *value - *of_finer, noise = kNoiseOfCells * *error;
+      error = std::sqrt(*error * *error + std::max(change * change - noise * noise, 0.0));
+    }
+  return {.bands = errors_of_batches(errors), .ears = {}, .sti = std::nullopt};
+}
+
 }  // namespace
 
 MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                              glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request,
                              const RenderEars& render_ears) {
-  if (field != nullptr) return errors_of_field(acoustics, *field, response);
+  if (field != nullptr) return errors_of_field(acoustics, candidates, *field, listener, response);
   MetricErrors errors{.bands = errors_of_batches(late_errors(acoustics, response)), .ears = {}, .sti = std::nullopt};
   const bool has_batches = !errors.bands.empty();
   if ((has_batches && !request.any()) || acoustics.config().rays < kRepetitions || acoustics.config().late == Switch::off) return errors;

@@ -35,12 +35,14 @@ using RenderEars = std::function<void(const EnergyResponse& response, std::uint6
 /// No such repetition shows what all few rays miss, as in a long corridor, nor a bias: presets but `high` take the last segment as diffuse
 /// (AcousticConfig::diffuse_last_segment).  So 0.6 of what a parameter differs from that of a better response joins the error as root of
 /// the sum of squares: from 2048 rays or more, without that bias where source and listener see each other or walls let nothing through;
-/// between facing mirrors (facing_planes.h) from a source field.
-/// With the late field gathered from `field`: of rt60_s and t20_s alone, by its own estimate.
+/// between facing mirrors (facing_planes.h), and where walls scatter less than a tenth, from a source field.
+/// With the late field gathered from `field`: the spread of its photons at the listener (field_batches), in quadrature with what cells of
+/// half the size change for the same photons.  SourceField::t20_error is a mean over places.
 /// The parameters of `request` are by repetition, of a bidirectional trace eight times with all of its rays; with a field they have no
 /// error.  render_ears: with request.interaural, null where there are no ears: IACC also has the noise of its carriers, found from eight
 /// others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace and the
-/// better response (bidirectional, with a request: eight traces); with `interaural` 16 renders.
+/// better response (bidirectional, with a request: eight traces; with a field, its photons once more in the same cells and once in finer
+/// ones); with `interaural` 16 renders.
 MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                              glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request = {},
                              const RenderEars& render_ears = {});

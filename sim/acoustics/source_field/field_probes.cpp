@@ -84,51 +84,67 @@ std::vector<glm::vec3> spread_probes(const FieldGrid& grid, const FieldSmoothing
 
 }  // namespace
 
-FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source)
-    : scene_(&scene), stride_(static_cast<std::size_t>(scene.padded_bands())) {
+FieldProbes::FieldProbes(const AcousticScene& scene, int bins_per_probe_bin)
+    : scene_(&scene), bins_per_probe_bin_(bins_per_probe_bin), stride_(static_cast<std::size_t>(scene.padded_bands())) {
   const EnergyHistogram shape = make_histogram(scene);
-  num_bins_ = (shape.num_bins() + kBinsPerProbeBin - 1) / kBinsPerProbeBin;
-  bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s() * kBinsPerProbeBin);
+  num_bins_ = (shape.num_bins() + bins_per_probe_bin - 1) / bins_per_probe_bin;
+  bins_per_m_ = 1.f / (scene.speed_of_sound_m_per_s() * shape.bin_s() * static_cast<float>(bins_per_probe_bin));
+}
+
+std::vector<glm::vec3> FieldProbes::walk_from(glm::vec3 source, bool& escaped) {
   std::vector<glm::vec3> places;
   double length_m = 0;
   int segments = 0;
-  bool escaped = false;
   for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
-    const Walk walk = walk_to_probe(scene, source, probe);
+    const Walk walk = walk_to_probe(*scene_, source, probe);
     places.push_back(walk.place);
     length_m += walk.length_m;
     segments += walk.segments;
     escaped = escaped || walk.escaped;
   }
   if (segments > 0) mean_free_path_m_ = length_m / segments;
+  return places;
+}
+
+FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source) : FieldProbes(scene, kBinsPerProbeBin) {
+  bool escaped = false;
+  std::vector<glm::vec3> places = walk_from(source, escaped);
   if (!escaped)
     if (std::vector<glm::vec3> spread = spread_probes(scene.field_grid(), scene.field_smoothing(), source); spread.size() == kProbes)
       places = std::move(spread);
   find_readers(scene.field_grid(), scene.field_smoothing(), places);
 }
 
+FieldProbes::FieldProbes(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener) : FieldProbes(scene, 1) {
+  bool escaped = false;
+  walk_from(source, escaped);
+  find_readers(scene.field_grid(), scene.field_smoothing(), {listener});
+}
+
 /// With which weights each probe reads the cells, for every number of sweeps.
 void FieldProbes::find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places) {
   tally_of_cell_.assign(grid.size(), FieldGrid::no_cell);
-  std::vector<float> weights(grid.size() * kProbes, 0.f), spare;
+  const auto num_probes = static_cast<std::uint32_t>(places.size());
+  width_ = (places.size() + kLanes - 1) / kLanes * kLanes;
+  std::vector<float> weights(grid.size() * width_, 0.f), spare;
   std::vector<bool> read(grid.size(), false);
-  for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+  for (std::uint32_t probe = 0; probe < num_probes; ++probe) {
     std::array<FieldGrid::CellWeight, 8> shares;
     const std::size_t count = grid.blend(places[probe], shares);
     around_.emplace_back(shares.begin(), shares.begin() + static_cast<std::ptrdiff_t>(count));
     for (std::size_t i = 0; i < count; ++i) {
-      weights[shares[i].cell * kProbes + probe] += shares[i].weight;
+      weights[shares[i].cell * width_ + probe] += shares[i].weight;
       read[shares[i].cell] = true;
     }
   }
   const std::vector<std::uint32_t> active = smoothing.reachable(read);
   std::vector<std::pair<float, std::uint32_t>> order;
   for (int sweeps = 0; sweeps <= FieldSmoothing::kMaxSweeps; ++sweeps) {
-    if (sweeps > 0) smoothing.sweep(1, kProbes, active, weights, spare);
-    for (std::uint32_t probe = 0; probe < kProbes; ++probe) {
+    if (sweeps > 0) smoothing.sweep(1, width_, active, weights, spare);
+    for (std::uint32_t probe = 0; probe < num_probes; ++probe) {
       order.clear();
       for (const std::uint32_t cell : active)
-        if (const float weight = weights[cell * kProbes + probe]; weight > 0) order.emplace_back(weight, cell);
+        if (const float weight = weights[cell * width_ + probe]; weight > 0) order.emplace_back(weight, cell);
       std::sort(order.begin(), order.end(),
                 [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
       double read_weight = 0;
@@ -170,7 +186,7 @@ void FieldProbes::read(std::uint32_t probe, std::vector<float>& energy) const {
   for (std::size_t first = 0, last; first < bins; first = last) {
     const int sweeps = sweeps_at((static_cast<double>(first) + 0.5) * bin_s);
     for (last = first + 1; last < bins && sweeps_at((static_cast<double>(last) + 0.5) * bin_s) == sweeps;) ++last;
-    for (const Reader& reader : readers_[static_cast<std::size_t>(sweeps) * kProbes + probe]) {
+    for (const Reader& reader : readers_[static_cast<std::size_t>(sweeps) * around_.size() + probe]) {
       const std::vector<float>& of_cell = energy_[reader.tally];
       if (of_cell.empty()) continue;
       for (std::uint32_t batch = 0; batch < kBatches; ++batch)
@@ -238,7 +254,7 @@ bool FieldProbes::read_factors(std::uint32_t probe, const SmoothingCorrection& c
   std::array<float, kMaxBands> of_cell{};
   bool is_corrected = false;
   for (std::size_t bin = 0; bin < static_cast<std::size_t>(num_bins_); ++bin) {
-    const std::size_t merged = bins.merged_bin_of(bin * kBinsPerProbeBin);
+    const std::size_t merged = bins.merged_bin_of(bin * static_cast<std::size_t>(bins_per_probe_bin_));
     for (const FieldGrid::CellWeight& around : around_[probe]) {
       correction.factors(around.cell, std::min(merged, bins.size() - 1), of_cell);
       for (std::size_t b = 0; b < stride_; ++b) {

@@ -21,8 +21,10 @@ class FieldProbes {
   static constexpr std::uint32_t kBatches = 8;
   static constexpr std::uint32_t kProbes = 16;
 
-  /// Places the probes in parts of equal volume; where sound escapes, on random walks from the source.
+  /// Places kProbes probes in parts of equal volume; where sound escapes, on random walks from the source.
   FieldProbes(const AcousticScene& scene, glm::vec3 source);
+  /// One probe, at `listener`, with the bins of the scene.
+  FieldProbes(const AcousticScene& scene, glm::vec3 source, glm::vec3 listener);
 
   /// Mean length of the segments of those walks.
   [[nodiscard]] double mean_free_path_m() const { return mean_free_path_m_; }
@@ -47,6 +49,9 @@ class FieldProbes {
   /// the correction, averaged over bands, because about as much error again remains.  0 without a correction.
   [[nodiscard]] double t20_blur(const SmoothingCorrection& correction, const WideningBins& bins) const;
 
+  /// Energy that arrives at a probe, smoothed, without loss in air: [kBatches][bins][padded bands].
+  void read(std::uint32_t probe, std::vector<float>& energy) const;
+
  private:
   struct Reader {
     std::uint32_t tally;
@@ -54,13 +59,19 @@ class FieldProbes {
   };
   void find_readers(const FieldGrid& grid, const FieldSmoothing& smoothing, const std::vector<glm::vec3>& places);
   void add_to_tally(std::uint32_t tally, float path_m, const float* energy, float length_m, std::uint32_t batch);
-  void read(std::uint32_t probe, std::vector<float>& energy) const;
   /// Factors [bins][padded bands] that the correction has at a probe; false if it has none there.
   bool read_factors(std::uint32_t probe, const SmoothingCorrection& correction, const WideningBins& bins,
                     std::vector<double>& factors) const;
   [[nodiscard]] std::vector<double> probe_levels() const;
 
+  /// Sets the bins: this many of the scene's as one.
+  FieldProbes(const AcousticScene& scene, int bins_per_probe_bin);
+  /// Sets the mean free path by walks from the source; where they end, in order.  escaped: some left the scene.
+  std::vector<glm::vec3> walk_from(glm::vec3 source, bool& escaped);
+
   const AcousticScene* scene_;
+  int bins_per_probe_bin_;
+  std::size_t width_ = 0;  ///< of rows of weights: one for each probe, in whole vectors of eight
   double mean_free_path_m_ = 0;
   int num_bins_ = 0;
   float bins_per_m_ = 0;

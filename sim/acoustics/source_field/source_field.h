@@ -53,6 +53,26 @@ class SourceField {
 /// Identity of a field: hash of everything that decides its bits (scene, config, source position, pattern, orientation, radius).
 std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates& candidates);
 
+/// How well a field is known at one listener.
+struct FieldBatches {
+  int count = 0;
+  /// [count][bins of the histogram][bands]: energy of a batch of photons over that of the whole field, smoothed as the field is; 1 in the
+  /// mean over batches, and where none came.  Independent, each with the noise of 1 / count of the photons of the field.
+  std::vector<float> share;
+};
+
+/// Photons from which errors are estimated, at most.
+inline constexpr std::uint64_t kMostPhotonsOfErrors = 1 << 16;
+
+/// Traces at most kMostPhotonsOfErrors of the photons of `field`, of the same (scene, candidates), once more and holds apart what arrives
+/// at `listener`.  Fewer photons than the field has are noisier: the shares are drawn together to what all would have.  A function of
+/// (scene, field, listener).  Cost: that of building the field, where it has so few.
+FieldBatches field_batches(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField& field, glm::vec3 listener);
+
+/// A field of so many photons, whatever its error: of other cells the same photons.
+std::shared_ptr<const SourceField> build_source_field_of(const AcousticScene& scene, const EarlyCandidates& candidates,
+                                                         std::uint64_t photons);
+
 /// Builds a field step by step: each refine() adds photons, at any time a snapshot can be taken.  The bits of snapshot n are a function of
 /// (scene, source, n), not of threads or time.  Not thread-safe.
 class SourceFieldBuilder {
@@ -71,6 +91,10 @@ class SourceFieldBuilder {
   [[nodiscard]] std::shared_ptr<const SourceField> snapshot() const;
 
  private:
+  friend FieldBatches field_batches(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField& field,
+                                    glm::vec3 listener);
+  friend std::shared_ptr<const SourceField> build_source_field_of(const AcousticScene& scene, const EarlyCandidates& candidates,
+                                                                  std::uint64_t photons);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <span>
 
 #include "sim/acoustics/geometry/field_smoothing.h"
@@ -109,6 +110,7 @@ struct SourceFieldBuilder::Impl {
         const float path_m = segment.path_m + 0.5f * (crossing.enter_m + crossing.leave_m);
         add(crossing.cell, path_m, weighted.data(), length_m);
         probes.add(crossing.cell, path_m, energy, length_m, batch);
+        if (at_listener) at_listener->add(crossing.cell, path_m, energy, length_m, batch);
       }
     }
   }
@@ -191,6 +193,30 @@ struct SourceFieldBuilder::Impl {
     std::vector<CellImage> cells;
     double blur = 0;  ///< FieldProbes::t20_blur
   };
+  /// What has come to the listener.  spread: factor of how much batches differ.
+  [[nodiscard]] FieldBatches batches(double spread) const {
+    const auto bands = static_cast<std::size_t>(scene.num_bands()), count = static_cast<std::size_t>(num_bins);
+    FieldBatches result{.count = FieldProbes::kBatches, .share = std::vector<float>(FieldProbes::kBatches * count * bands, 1.f)};
+    std::vector<float> energy;
+    at_listener->read(0, energy);
+    std::array<double, FieldProbes::kBatches> of_batch{};
+    for (std::size_t merged = 0; merged < bins.size(); ++merged)
+      for (std::size_t band = 0; band < bands; ++band) {
+        double whole = 0;
+        for (std::uint32_t i = 0; i < FieldProbes::kBatches; ++i) {
+          of_batch[i] = 0;
+          for (std::size_t bin = bins.first_bin(merged); bin < bins.first_bin(merged + 1); ++bin)
+            of_batch[i] += double{energy[(i * count + bin) * stride + band]};
+          whole += of_batch[i] / FieldProbes::kBatches;
+        }
+        if (!(whole > 0)) continue;
+        for (std::uint32_t i = 0; i < FieldProbes::kBatches; ++i)
+          for (std::size_t bin = bins.first_bin(merged); bin < bins.first_bin(merged + 1); ++bin)
+            result.share[(i * count + bin) * bands + band] = static_cast<float>(1 + spread * (of_batch[i] / whole - 1));
+      }
+    return result;
+  }
+
   [[nodiscard]] FieldImage finish() const {
     const FieldSmoothing& smoothing = scene.field_smoothing();
     FieldImage image{.cells = std::vector<CellImage>(history.size())};
@@ -253,6 +279,7 @@ struct SourceFieldBuilder::Impl {
   const EarlyCandidates& candidates;
   const FieldGrid& grid;
   FieldProbes probes;
+  std::optional<FieldProbes> at_listener;  ///< for batches()
   WideningBins bins;
   int num_bins, num_coefficients;
   float bin_s;
@@ -325,6 +352,24 @@ std::shared_ptr<const SourceField> SourceFieldBuilder::snapshot() const {
   append(std::as_bytes(std::span(entries)));
   for (const Impl::CellImage& cell : cells) append(std::as_bytes(std::span(cell.values)));
   return std::make_shared<const SourceField>(acoustic_scene.scene, acoustic_scene.candidates, *image, image);
+}
+
+FieldBatches field_batches(const AcousticScene& scene, const EarlyCandidates& candidates, const SourceField& field, glm::vec3 listener) {
+  const FlushDenormals flush;
+  SourceFieldBuilder builder(scene, candidates);
+  SourceFieldBuilder::Impl& in = *builder.impl_;
+  in.at_listener.emplace(scene, candidates.source(), listener);
+  const std::uint64_t photons = std::min(field.photons(), kMostPhotonsOfErrors);
+  while (in.photons() < photons) in.trace_round();
+  return in.batches(std::sqrt(static_cast<double>(in.photons()) / static_cast<double>(field.photons())));
+}
+
+std::shared_ptr<const SourceField> build_source_field_of(const AcousticScene& scene, const EarlyCandidates& candidates,
+                                                         std::uint64_t photons) {
+  const FlushDenormals flush;
+  SourceFieldBuilder builder(scene, candidates);
+  while (builder.photons() < photons) builder.impl_->trace_round();
+  return builder.snapshot();
 }
 
 std::shared_ptr<const SourceField> build_source_field(const AcousticScene& scene, const EarlyCandidates& candidates,
