@@ -202,7 +202,7 @@ TEST_F(DatasetInputsCli, BadFilesAreNamedFirstOrLeftOutByARecord) {
   }
   EXPECT_EQ(used, (std::set<std::string>{"a.wav", "b.wav"}));
   EXPECT_EQ(left_out.size(), kinds.size());
-  // The removal of what was left out leaves a corpus that can be completed, and its record.
+  // With the bad files removed the second shard completes the corpus, and the record stays as it is.
   for (const auto& [name, write] : kinds) std::filesystem::remove(path("speech/" + name));
   const Outcome second = convolve("skipped", "--skip-bad --signals-per-folder 1 --shard 2/2");
   ASSERT_EQ(second.exit_code, 0) << second.text;
