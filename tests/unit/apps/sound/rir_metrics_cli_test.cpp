@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -87,6 +90,38 @@ TEST_F(RirMetricsCli, MicrophonesAreMeasuredByName) {
   const nlohmann::json harmonics = metrics(room + "ambisonic:1");
   EXPECT_NEAR(harmonics.at("rir").at("drr_db").get<double>(), mono.at("rir").at("drr_db").get<double>(), 1.0);
   EXPECT_FALSE(harmonics.contains("microphones"));
+}
+
+// With a source field every parameter has the error of its own place.  Two seeds in ten drawn rooms; errors have Student's factor for seven
+// degrees of freedom, so that differences are 0.84 of what is stated: half of that or twice that fails.
+TEST_F(RirMetricsCli, ErrorsOfAFieldAreTheDifferencesOfSeeds) {
+  double squares = 0;
+  int values = 0;
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const RandomStream random(621, Purpose::test, number);
+    const auto within = [&](std::uint32_t draw, double low, double high) {
+      return low + (high - low) * static_cast<double>(random.uniform(draw));
+    };
+    const double x_m = within(0, 4, 9), y_m = within(1, 2.5, 4), z_m = within(2, 4, 9);
+    const std::string room =
+        fmt::format("shoebox:{:.3f}x{:.3f}x{:.3f}@{:.3f} --preset fast --channels mono --source {} --listener {} ", x_m, y_m, z_m,
+                    within(3, 0.15, 0.4), point_text({0.2 * x_m, 0.5 * y_m, 0.3 * z_m}), point_text({0.8 * x_m, 0.4 * y_m, 0.7 * z_m}));
+    std::array<nlohmann::json, 2> seeds;
+    for (std::size_t seed = 0; seed < 2; ++seed)
+      seeds[seed] = metrics(room + fmt::format("--seed {} --set field=on bands=1 rir_length_s=0.6 threads=1", seed + 1));
+    for (const char* key : {"t20_s", "edt_s", "g_db", "c80_db"}) {
+      const auto value = [&](std::size_t seed) { return seeds[seed].at("energy").at(key).at(0).get<double>(); };
+      const auto error = [&](std::size_t seed) { return seeds[seed].at("standard_error").at(key).at(0).get<double>(); };
+      const double ratio = (value(0) - value(1)) / std::hypot(error(0), error(1));
+      EXPECT_LT(std::abs(ratio), 4) << number << " " << key;
+      squares += ratio * ratio;
+      ++values;
+    }
+  }
+  const double deviation = std::sqrt(squares / values);
+  std::printf("differences of %.2f stated errors\n", deviation);
+  EXPECT_GT(deviation, 0.45);
+  EXPECT_LT(deviation, 1.4);
 }
 
 // Errors of IACC stand beside its values, with an octave at 63 Hz too.
