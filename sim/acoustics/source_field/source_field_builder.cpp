@@ -196,7 +196,9 @@ struct SourceFieldBuilder::Impl {
   /// What has come to the listener.  spread: factor of how much batches differ.
   [[nodiscard]] FieldBatches batches(double spread) const {
     const auto bands = static_cast<std::size_t>(scene.num_bands()), count = static_cast<std::size_t>(num_bins);
-    FieldBatches result{.count = FieldProbes::kBatches, .share = std::vector<float>(FieldProbes::kBatches * count * bands, 1.f)};
+    FieldBatches result;
+    result.count = FieldProbes::kBatches;
+    result.share.assign(FieldProbes::kBatches * count * bands, 1.f);
     std::vector<float> energy;
     at_listener->read(0, energy);
     std::array<double, FieldProbes::kBatches> of_batch{};
