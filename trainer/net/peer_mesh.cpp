@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "sim/base/text/listed.h"
 #include "sim/base/text/log.h"
 #include "trainer/net/rendezvous.h"
 
@@ -19,6 +20,7 @@ using std::chrono::milliseconds;
 // For a goodbye message to leave, or to arrive after its connection broke; on one host, where the others go on, the shorter one.
 constexpr milliseconds kShutdownGrace{300}, kLocalGrace{40};
 constexpr milliseconds kLongestWait{100}, kRegroupInterval{10};
+constexpr milliseconds kGoodbyes{2000};     // of peers, for a worker that has finished
 constexpr milliseconds kBuffersBack{5000};  // for libzmq to drop what it had not sent, once the socket is closed
 
 milliseconds grace_of(const RingConfig& config) {
@@ -63,7 +65,8 @@ PeerMesh::PeerMesh(const RingConfig& config)
 PeerMesh::~PeerMesh() {
   try {
     if (abandoned_) return;
-    abandon(std::uncaught_exceptions() > exceptions_at_start_ ? "an internal error" : "");
+    const bool has_failed = std::uncaught_exceptions() > exceptions_at_start_;
+    abandon(!has_failed ? "" : last_change_.empty() ? "an internal error" : last_change_);
   } catch (const std::exception& error) {
     log_error(fmt::format("leaving the run: {}", error.what()));
   }
@@ -87,6 +90,7 @@ void PeerMesh::connect_bulk(int right, int left) {
 
 void PeerMesh::begin(std::uint64_t sequence) {
   if (abandoned_) throw RunError("workers", fmt::format("the run has already stopped: {}", *abandoned_));
+  last_change_.clear();
   liveness_.begin(sequence);
 }
 
@@ -225,6 +229,7 @@ PeerMesh::Change PeerMesh::regroup() {
   while (!early_bulk_.empty() && early_bulk_.front().header.epoch < epoch) early_bulk_.pop_front();
   connect_bulk(identity().right(), identity().left());
   admissions_.follow(change);
+  last_change_ = change.lost.empty() ? "the workers had to connect anew" : fmt::format("worker {} was lost", listed(change.lost, ", "));
   return change;
 }
 
@@ -259,6 +264,20 @@ void PeerMesh::finish_sends() {
   }
 }
 
+/// A peer has its connection to this worker's listener, and this worker's messages on another: the end of the one may overtake the others,
+/// and would count as a loss.
+void PeerMesh::await_goodbyes() {
+  const auto deadline = Liveness::Clock::now() + kGoodbyes;
+  const auto is_awaited = [this](int rank) {
+    return rank != config_.identity.rank && !liveness_.finished_after(rank) && !links_.lost_at(rank);
+  };
+  while (std::ranges::any_of(members(), is_awaited) && Liveness::Clock::now() < deadline) {
+    links_.poll({}, kLongestWait);
+    while (const auto frame = receive_from(PeerLinks::Plane::control))
+      if (frame->header.operation == Operation::goodbye) liveness_.finish(frame->from, frame->header.sequence);
+  }
+}
+
 void PeerMesh::abandon(const std::string& reason) {
   if (abandoned_) return;
   abandoned_ = reason.empty() ? "it was closed" : reason;
@@ -276,6 +295,7 @@ void PeerMesh::abandon(const std::string& reason) {
     // Whoever it does not reach will see the connection close.
     for (int rank = 0; rank < config_.identity.world_size; ++rank)
       links_.try_send(rank, membership_.stamped(header), std::as_bytes(std::span(text)));
+    if (reason.empty()) await_goodbyes();
   }
   admissions_.close();
   links_.close();

@@ -37,7 +37,8 @@ class PeerMesh {
   /// Rendezvous and connections; of a worker that joins, once it is admitted.  Throws InputError (config), RunError (a rank does not come
   /// or refuses), LeftOut (another change of membership crossed the admission).
   explicit PeerMesh(const RingConfig& config);
-  /// Sends the goodbye message, as finished or, while an exception passes through, as failed.
+  /// Sends the goodbye message, as finished or, while an exception passes through, as failed: by the last change of members, if the owner
+  /// has made no call since, as it then ends for that reason.
   ~PeerMesh();
 
   /// Place among those that are left, and their number.
@@ -82,8 +83,8 @@ class PeerMesh {
   /// Between two calls: number of peers that have sent control messages of call number `next`.
   int num_waiting(std::uint64_t next);
 
-  /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Later calls throw RunError with the same
-  /// reason.
+  /// Ends the mesh: tells the peers why, closes all sockets, takes back all lent payloads.  Without a reason, as finished, it waits for the
+  /// goodbyes of the others, 2 s at most.  Later calls throw RunError with the same reason.
   void abandon(const std::string& reason);
   /// Messages of unknown peers that were dropped, and peers whose keys were refused.
   [[nodiscard]] std::uint64_t unknown_peers() const { return links_.unknown_peers(); }
@@ -95,6 +96,7 @@ class PeerMesh {
   std::optional<Frame> receive_from(PeerLinks::Plane plane);
   void check_peers(const std::vector<int>& awaited);
   void send_progress(bool waiting);
+  void await_goodbyes();
 
   RingConfig config_;  ///< resolved
   int exceptions_at_start_;
@@ -108,6 +110,7 @@ class PeerMesh {
   std::deque<Frame> early_bulk_;   ///< of the next view
   Interest interest_by_rank_;      ///< of wait()
   std::uint64_t late_messages_ = 0, progress_ = 0;
+  std::string last_change_;  ///< that no call has followed yet
   std::optional<std::string> abandoned_;
 };
 
