@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "sim/base/errors.h"
+#include "trainer/net/admission_rules.h"
 #include "trainer/net/join_request.h"
 
 namespace earshot {
@@ -50,15 +51,9 @@ std::string AdmissionDesk::candidates() {
 }
 
 CandidateList AdmissionDesk::decode_candidates(const std::string& text) const {
-  const auto world_size = static_cast<std::uint32_t>(config_.identity.world_size);
-  std::uint64_t joining = 0;
   try {
     auto list = decode<CandidateList>(text);
-    for (const Candidate& candidate : list.candidates) {
-      const auto rank = static_cast<std::uint32_t>(candidate.rank);
-      if (rank >= world_size || desk_.view().has(candidate.rank) || (joining >> rank & 1) != 0) throw WireError("invalid candidate");
-      joining |= std::uint64_t{1} << rank;
-    }
+    check(list, desk_.view(), config_.identity.world_size);
     return list;
   } catch (const WireError& error) {
     throw protocol_breach(meeting_rank_, error);

@@ -9,6 +9,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/process/stop_signals.h"
 #include "sim/base/text/log.h"
+#include "trainer/net/admission_rules.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/rendezvous.h"
 
@@ -149,23 +150,7 @@ JoinAnswer ask_for_admission(zmq::context_t& context, const RingConfig& config, 
   request.bulk_endpoint = bulk_endpoint;
   JoinAnswer answer = Asker(context, config, security, request).ask(JoinState::admitted);
   try {
-    const auto world_size = static_cast<std::size_t>(config.identity.world_size);
-    if (answer.control_endpoints.size() != world_size || answer.bulk_endpoints.size() != world_size ||
-        answer.public_keys.size() != world_size || answer.incarnations.size() != world_size)
-      throw WireError("table of the wrong size");
-    const std::uint64_t world = world_size == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << world_size) - 1;
-    const std::uint64_t own_bit = std::uint64_t{1} << config.identity.rank;
-    if (((answer.members | answer.joining) & ~world) != 0 || answer.members == 0 || (answer.members & answer.joining) != 0 ||
-        (answer.joining & own_bit) == 0 || answer.meeting_rank < 0 || answer.meeting_rank >= config.identity.world_size ||
-        (answer.members >> answer.meeting_rank & 1) == 0)
-      throw WireError("invalid membership view");
-    for (std::size_t rank = 0; rank < world_size; ++rank) {
-      if (((answer.members | answer.joining) >> rank & 1) == 0) continue;
-      if (!is_possible_endpoint(config, answer.control_endpoints[rank]) || !is_possible_endpoint(config, answer.bulk_endpoints[rank]))
-        throw WireError("invalid worker endpoint");
-      if (security.encrypted() ? !is_curve_key(answer.public_keys[rank]) : !answer.public_keys[rank].empty())
-        throw WireError("invalid key");
-    }
+    check(answer, config, security.encrypted());
   } catch (const WireError& error) {
     throw RunError(fmt::format("rendezvous {}", config.rendezvous), fmt::format("the run uses another protocol: {}", error.what()));
   }

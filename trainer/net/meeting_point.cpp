@@ -8,6 +8,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/log.h"
+#include "trainer/net/admission_rules.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 
@@ -33,27 +34,6 @@ std::string encoded_answer(JoinState state, const std::string& reason, const std
 std::string address_for(const RingConfig& config, const std::string& control_endpoint) {
   if ((config.identity.rank == 0 && config.incarnation == 0) || !leaves_host(config.rendezvous)) return meeting_address(config);
   return TcpAddress{parse_tcp(control_endpoint).host, parse_tcp(config.rendezvous).port}.endpoint();
-}
-
-/// "ppo.clip is 0.1, that of the run is 0.2" of the first line that differs; empty where none does.
-std::string difference(const std::string& theirs, const std::string& ours) {
-  const auto lines = [](const std::string& text) {
-    std::map<std::string, std::string> values;
-    for (std::size_t begin = 0; begin < text.size();) {
-      const std::size_t end = std::min(text.find('\n', begin), text.size()), equals = text.find('=', begin);
-      if (equals < end) values[text.substr(begin, equals - begin)] = text.substr(equals + 1, end - equals - 1);
-      begin = end + 1;
-    }
-    return values;
-  };
-  auto a = lines(theirs), b = lines(ours);
-  for (const auto& [key, unused] : b) a.try_emplace(key, "(absent)");
-  for (const auto& [key, value] : a) {
-    const auto other = b.find(key);
-    const std::string their_value = other == b.end() ? "(absent)" : other->second;
-    if (value != their_value) return fmt::format("its {} is {:.60}, but the run has {:.60}", key, value, their_value);
-  }
-  return {};
 }
 
 }  // namespace
@@ -143,11 +123,9 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
     }
     return;
   }
-  if (const std::string reason = objection(request, parts[1]); !reason.empty()) {
-    refuse(routing_id, encoded_answer(JoinState::refused, reason));
-    return;
-  }
-  std::string reason;
+  std::string reason = objection_to(request, config_);
+  if (reason.empty()) reason = security_.objection_to(request.public_key, parts[1]);
+  if (!reason.empty()) return refuse(routing_id, encoded_answer(JoinState::refused, reason));
   const auto known = waiting_.find(request.rank);
   const bool other_waits = known != waiting_.end() && known->second.candidate.incarnation != request.incarnation &&
                            Clock::now() - known->second.heard_at < kSilenceLimit;
@@ -160,21 +138,6 @@ void MeetingPoint::take(const std::vector<zmq::message_t>& parts, const View& vi
     waiting_[request.rank] = {routing_id, candidate, request.is_ready(), Clock::now()};
   }
   send(routing_id, encoded_answer(JoinState::waits, reason, briefing));
-}
-
-std::string MeetingPoint::objection(const JoinRequest& request, const zmq::message_t& message) const {
-  const int world_size = config_.identity.world_size;
-  if (request.run_id != config_.run_id) return "its run id belongs to another run";
-  if (request.world_size != world_size)
-    return fmt::format("it expects {} workers, but this run started with {}", request.world_size, world_size);
-  if (request.rank < 0 || request.rank >= world_size) return fmt::format("its rank {} is outside 0 to {}", request.rank, world_size - 1);
-  if (request.incarnation == 0) return "it was not started with --join";
-  if (request.engine != config_.engine) return fmt::format("its engine is {:.40}, but the run has {:.40}", request.engine, config_.engine);
-  if (const std::string other = difference(request.settings, config_.settings); !other.empty()) return other;
-  if (request.is_ready() &&
-      (!is_possible_endpoint(config_, request.control_endpoint) || !is_possible_endpoint(config_, request.bulk_endpoint)))
-    return "its endpoints are not valid for workers of this run";
-  return security_.objection_to(request.public_key, message);
 }
 
 std::vector<Candidate> MeetingPoint::ready(const View& view, const std::string& briefing) {

@@ -51,7 +51,6 @@ class MeetingPoint {
   };
   void open();
   void take(const std::vector<zmq::message_t>& parts, const View& view, const std::string& briefing);
-  [[nodiscard]] std::string objection(const JoinRequest& request, const zmq::message_t& message) const;
   void refuse(const std::string& routing_id, const std::string& encoded);
   bool send(const std::string& routing_id, const std::string& encoded);
 

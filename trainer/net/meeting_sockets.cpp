@@ -33,17 +33,6 @@ std::string meeting_address(const RingConfig& config) {
   return TcpAddress{address_of_interface(config.network.interface, meeting_point.host), meeting_point.port}.endpoint();
 }
 
-bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint) {
-  if (config.rendezvous.starts_with("ipc://"))
-    return endpoint.starts_with(config.rendezvous + ".") && endpoint.find('/', config.rendezvous.size()) == std::string::npos;
-  try {
-    const TcpAddress address = parse_tcp(endpoint);
-    return address.port > 0 && is_loopback(address.host) != leaves_host(config.rendezvous) && is_numeric_address(address.host);
-  } catch (const InputError&) {
-    return false;
-  }
-}
-
 Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second) {
   while (true) {
     const auto left =

@@ -22,9 +22,6 @@ zmq::socket_t open_meeting_socket(zmq::context_t& context, zmq::socket_type type
 /// address).
 std::string meeting_address(const RingConfig& config);
 
-/// A peer's endpoint comes from a message: it may only lead where we would listen ourselves.
-bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint);
-
 enum class Readable { none, first, second };
 /// Which of two sockets has something to read before the deadline.
 Readable wait_readable(zmq::socket_t& first, std::chrono::steady_clock::time_point deadline, zmq::socket_t* second = nullptr);

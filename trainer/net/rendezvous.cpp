@@ -13,6 +13,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/listed.h"
+#include "trainer/net/admission_rules.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/wire.h"
@@ -143,13 +144,8 @@ class Host {
   }
 
   [[nodiscard]] std::string objection(const Hello& hello, const zmq::message_t& message) const {
-    const int world_size = config_.identity.world_size;
-    if (hello.run_id != config_.run_id) return "its run id belongs to another run";
-    if (hello.world_size != world_size) return fmt::format("it expects {} workers, but this run has {}", hello.world_size, world_size);
-    if (hello.rank < 1 || hello.rank >= world_size) return fmt::format("its rank {} is outside 1 to {}", hello.rank, world_size - 1);
+    if (std::string reason = objection_to(hello, config_); !reason.empty()) return reason;
     if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is already taken", hello.rank);
-    if (!is_possible_endpoint(config_, hello.control_endpoint) || !is_possible_endpoint(config_, hello.bulk_endpoint))
-      return "its endpoints are not valid for workers of this run";
     return security_.objection_to(hello.public_key, message);
   }
 
