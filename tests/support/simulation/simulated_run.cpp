@@ -1,0 +1,535 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/simulation/simulated_run.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <set>
+#include <sstream>
+
+#include "sim/base/errors.h"
+#include "sim/base/files.h"
+#include "tests/support/simulation/simulated_network.h"
+#include "trainer/collective/collective.h"
+#include "trainer/collective/sum_order.h"
+#include "trainer/collective/worker_updates.h"
+#include "trainer/net/ring_config.h"
+#include "trainer/net/wire.h"
+#include "trainer/rollout/preemption.h"
+
+namespace earshot::simulation {
+namespace {
+
+constexpr const char* kJoins = "joins";
+constexpr double kLimit_s = 240;  // of simulated time: several timeouts after the last fault
+
+/// A number in [-1, 1) for one element of a gradient.
+float addend(int rank, std::uint64_t update, int minibatch, std::size_t element) {
+  auto z = static_cast<std::uint32_t>(element * 2654435761u) ^ (static_cast<std::uint32_t>(rank + 1) * 40503u) ^
+           (static_cast<std::uint32_t>(update * 16 + static_cast<std::uint64_t>(minibatch)) * 2246822519u);
+  z ^= z >> 15;
+  z *= 2246822519u;
+  z ^= z >> 13;
+  return static_cast<float>(static_cast<std::int32_t>(z)) * 0x1p-31f;
+}
+
+std::vector<float> gradient_of(int rank, std::uint64_t update, int minibatch, std::size_t count) {
+  std::vector<float> gradient(count);
+  for (std::size_t i = 0; i < count; ++i) gradient[i] = addend(rank, update, minibatch, i);
+  return gradient;
+}
+
+/// The sum in the order of sum_order.h, one element after another.
+void add_reference(std::vector<float>& weights, const std::vector<int>& members, std::uint64_t update, int minibatch) {
+  const std::size_t count = weights.size(), world = members.size();
+  std::vector<std::vector<float>> parts;
+  for (const int rank : members) parts.push_back(gradient_of(rank, update, minibatch, count));
+  const bool small = count * sizeof(float) < kSmallSumBytes;
+  for (std::size_t segment = 0; segment < world; ++segment)
+    for (std::size_t i = segment_start(count, segment, world); i < segment_start(count, segment + 1, world); ++i) {
+      const std::size_t first = small ? 0 : segment;
+      float sum = parts[first][i];
+      for (std::size_t k = 1; k < world; ++k) sum += parts[(first + k) % world][i];
+      weights[i] += sum;
+    }
+}
+
+std::uint64_t hash_of(const std::vector<float>& weights) { return hash64(std::as_bytes(std::span(weights))); }
+
+/// Weights, and the hash after each update: where a worker has come from.
+struct State {
+  std::uint64_t update = 0;
+  std::vector<float> weights;
+  std::vector<std::uint64_t> history;
+
+  [[nodiscard]] std::string encoded() const {
+    std::string text(16 + 8 * history.size() + 4 * weights.size(), '\0');
+    const std::uint64_t lengths[2] = {update, weights.size()};
+    std::memcpy(text.data(), lengths, 16);
+    std::memcpy(text.data() + 16, history.data(), 8 * history.size());
+    std::memcpy(text.data() + 16 + 8 * history.size(), weights.data(), 4 * weights.size());
+    return text;
+  }
+  void decode(const std::string& text) {
+    std::uint64_t lengths[2];
+    std::memcpy(lengths, text.data(), 16);
+    update = lengths[0];
+    history.resize(update);
+    weights.resize(lengths[1]);
+    std::memcpy(history.data(), text.data() + 16, 8 * update);
+    std::memcpy(weights.data(), text.data() + 16 + 8 * update, 4 * weights.size());
+  }
+};
+
+std::vector<int> all_ranks(int count) {
+  std::vector<int> ranks;
+  for (int rank = 0; rank < count; ++rank) ranks.push_back(rank);
+  return ranks;
+}
+
+/// What all workers do, seen from outside.
+class Checker {
+ public:
+  Checker(const Scenario& scenario, Verdict& verdict) : scenario_(scenario), verdict_(verdict) {}
+
+  void fail(const std::string& what) {
+    if (verdict_.failures.size() < 10) verdict_.failures.push_back(what);
+  }
+
+  /// A worker has these members from now on.
+  void note_members(const Process& process, const std::vector<int>& members, const std::vector<int>& lost, const std::vector<int>& joined) {
+    const int rank = process.rank;
+    members_[&process] = members;
+    ++verdict_.changes;
+    verdict_.joins += static_cast<int>(joined.size());
+    if (std::ranges::find(members, rank) == members.end()) fail(fmt::format("rank {} is no member of its own view {}", rank, members));
+    for (const int left : lost)
+      if (std::ranges::find(members, left) != members.end() && std::ranges::find(joined, left) == joined.end())
+        fail(fmt::format("rank {} has lost {}, a member", rank, left));
+  }
+
+  /// Workers of one epoch have the same members.
+  void note_message(const Process& process, const Message& message) {
+    const int rank = process.rank;
+    if (message.size() != 2 || message[0]->length() != kHeaderBytes) return;
+    const FrameHeader header = decode_header({static_cast<const std::byte*>(message[0]->data()), kHeaderBytes});
+    if (header.operation == Operation::view || header.operation == Operation::goodbye || header.operation == Operation::progress) return;
+    const auto own = members_.find(&process);
+    const std::vector<int> everyone = all_ranks(scenario_.world_size), &members = own == members_.end() ? everyone : own->second;
+    const auto [first, is_new] = members_of_epoch_.try_emplace(header.epoch, members);
+    if (first->second != members)
+      fail(fmt::format("epoch {} has members {} and, as rank {} knows, {}", header.epoch, first->second, rank, members));
+    if (std::ranges::find(members, rank) == members.end())
+      fail(fmt::format("rank {} sends in epoch {} of {}", rank, header.epoch, members));
+  }
+  void note_update(int rank, const std::vector<int>& members, const State& before, const State& after, double now_s) {
+    const std::uint64_t hash = hash_of(after.weights);
+    auto key = std::make_pair(before.history, members);
+    auto found = expected_.find(key);
+    if (found == expected_.end()) {
+      State reference = before;
+      for (int minibatch = 0; minibatch < scenario_.minibatches; ++minibatch)
+        add_reference(reference.weights, members, before.update, minibatch);
+      found = expected_.emplace(std::move(key), hash_of(reference.weights)).first;
+    }
+    if (hash != found->second) fail(fmt::format("update {} of rank {} is not the sum over {}", after.update, rank, members));
+    const auto parent = before.history.empty() ? 0 : before.history.back();
+    if (hash_of(before.weights) != parent && before.update > 0)
+      fail(fmt::format("rank {} begins update {} from other weights", rank, after.update));
+    if (last_update_s_ > 0 && after.update > highest_) verdict_.longest_gap_s = std::max(verdict_.longest_gap_s, now_s - last_update_s_);
+    if (after.update > highest_) {
+      highest_ = after.update;
+      last_update_s_ = now_s;
+    }
+  }
+  /// Rank 0 has written it to the disk.
+  void note_checkpoint(const State& state) { checkpoints_.push_back(state.history); }
+  void note_finished(int rank, const State& state) {
+    ++verdict_.finished;
+    if (state.update != static_cast<std::uint64_t>(scenario_.updates))
+      fail(fmt::format("rank {} finishes with {} updates of {}", rank, state.update, scenario_.updates));
+    if (final_ && *final_ != state.history) fail(fmt::format("rank {} finishes with other bits", rank));
+    final_ = state.history;
+  }
+  void check_end() {
+    for (const auto& history : checkpoints_)
+      if (final_ && (history.size() > final_->size() || !std::equal(history.begin(), history.end(), final_->begin())))
+        fail(fmt::format("the checkpoint of update {} is not of the run that finished", history.size()));
+    for (const auto& a : checkpoints_)
+      for (const auto& b : checkpoints_)
+        if (!std::equal(a.begin(), a.begin() + static_cast<std::ptrdiff_t>(std::min(a.size(), b.size())), b.begin()))
+          fail(fmt::format("the checkpoints of updates {} and {} are of different runs", a.size(), b.size()));
+  }
+  [[nodiscard]] std::uint64_t highest() const { return highest_; }
+
+ private:
+  const Scenario& scenario_;
+  Verdict& verdict_;
+  std::map<const Process*, std::vector<int>> members_;  ///< of those that have joined or lost others
+  std::map<std::uint32_t, std::vector<int>> members_of_epoch_;
+  std::map<std::pair<std::vector<std::uint64_t>, std::vector<int>>, std::uint64_t> expected_;
+  std::vector<std::vector<std::uint64_t>> checkpoints_;
+  std::optional<std::vector<std::uint64_t>> final_;
+  std::uint64_t highest_ = 0;
+  double last_update_s_ = 0;
+};
+
+RingConfig config_of(const Scenario& scenario, int rank) {
+  RingConfig config;
+  config.identity = {rank, scenario.world_size};
+  config.rendezvous = "tcp://127.0.0.1:29000";
+  config.run_id = "simulated";
+  config.timeout = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * scenario.timeout_s));
+  config.network.shared_memory = false;
+  config.network.on_loss = OnLoss::go_on;
+  config.network.progress_timeout_s = scenario.progress_timeout_s;
+  config.engine = "engine";
+  config.settings = "a=1\nb=2\n";
+  return config;
+}
+
+/// A training run without a network or environments: the calls are those of TrainWorker and PpoLearner, in their order, and the recovery
+/// is that of Recovery.
+class Worker {
+ public:
+  Worker(const Scenario& scenario, Network& network, Checker& checker, int rank, bool joins)
+      : scenario_(scenario),
+        network_(network),
+        checker_(checker),
+        rank_(rank),
+        collective_(joins ? make_joining_worker(config_of(scenario, rank)) : make_zmq_ring(config_of(scenario, rank))),
+        preemption_(ppo_of(scenario), scenario.rollout_steps),
+        joins_(joins) {}
+
+  void run() {
+    if (joins_) {
+      pause(3);
+      collective_->enter();
+      recover(MembershipChange({}));
+    } else {
+      state_.weights.assign(scenario_.elements, 0.5f);
+      check_equal_weights();
+      brief();
+    }
+    for (bool done = false; !done;) try {
+        while (!agree_on_end()) {
+          if (has_joiners_) collective_->admit();
+          update();
+        }
+        save();
+        collective_->barrier();
+        done = true;
+      } catch (const MembershipChange& change) {
+        recover(change);
+      }
+    if (alive()) checker_.note_finished(rank_, state_);
+  }
+
+ private:
+  static PpoConfig ppo_of(const Scenario& scenario) {
+    PpoConfig ppo;
+    ppo.preempt_fraction = scenario.preempt_fraction;
+    ppo.preempt_least = 0.25;
+    return ppo;
+  }
+  [[nodiscard]] bool alive() const { return network_.running()->alive; }
+  [[nodiscard]] double now_s() const { return static_cast<double>(network_.now()) * 1e-9; }
+  /// Work that takes so long.
+  void pause(double milliseconds) {
+    const Nanos until = network_.now() + static_cast<Nanos>(milliseconds * kMilli) * network_.running()->slowness;
+    while (network_.now() < until) network_.wait(until);
+  }
+
+  bool agree_on_end() {
+    std::array<double, 2> votes{state_.update >= static_cast<std::uint64_t>(scenario_.updates) ? 1.0 : 0.0,
+                                collective_->has_joiners() ? 1.0 : 0.0};
+    collective_->all_reduce_sum(std::span<double>(votes));
+    has_joiners_ = votes[1] > 0;
+    return votes[0] > 0;
+  }
+
+  void collect() {
+    const double began_s = now_s();
+    steps_ = 0;
+    while (steps_ < scenario_.rollout_steps) {
+      pause(scenario_.step_ms * (0.7 + 0.3 * static_cast<double>(network_.random().between(0, 2))));
+      collective_->note_progress();
+      const int step = steps_++;
+      if (preemption_.may_end_with(step) &&
+          preemption_.ends_with(step, now_s() - began_s, collective_->num_waiting(), collective_->identity().world_size))
+        break;
+    }
+    collect_s_ = now_s() - began_s;
+    has_rollout_ = true;
+  }
+
+  void update() {
+    if (!has_rollout_) collect();
+    if (preemption_.is_on()) collective_->all_gather(std::to_string(steps_));
+    const std::vector<int> members = collective_->members();
+    whole_ = state_;
+    learning_ = true;
+    for (int minibatch = 0; minibatch < scenario_.minibatches; ++minibatch) {
+      std::vector<double> counts{1, static_cast<double>(rank_)};
+      collective_->all_reduce_sum(std::span<double>(counts));
+      if (counts[0] != static_cast<double>(members.size()))
+        checker_.fail(fmt::format("rank {} counts {} of {} workers", rank_, counts[0], members.size()));
+      std::vector<float> gradient = gradient_of(rank_, state_.update, minibatch, scenario_.elements);
+      pause(1);
+      collective_->note_progress();
+      collective_->all_reduce_sum(std::span<float>(gradient));
+      for (std::size_t i = 0; i < gradient.size(); ++i) state_.weights[i] += gradient[i] * (rank_ == scenario_.adds_twice ? 2.f : 1.f);
+    }
+    learning_ = false;
+    has_rollout_ = false;
+    ++state_.update;
+    state_.history.push_back(hash_of(state_.weights));
+    if (alive()) checker_.note_update(rank_, members, *whole_, state_, now_s());
+    brief();
+    std::vector<RolloutTime> rollouts;
+    WorkerUpdate mine{};
+    mine.collect_s = collect_s_;
+    mine.rollout_steps = steps_;
+    for (const WorkerUpdate& worker : gather_worker_updates(*collective_, mine))
+      rollouts.push_back({worker.collect_s, static_cast<int>(worker.rollout_steps)});
+    preemption_.note_update(rollouts);
+    if (state_.update == 1 || state_.update % 2 == 0) save();
+  }
+
+  void check_equal_weights() {
+    const std::string hash = std::to_string(hash_of(state_.weights));
+    for (const auto& other : collective_->all_gather(hash))
+      if (other != hash) throw RunError("workers", "have different weights");
+  }
+  void save() {
+    check_equal_weights();
+    if (collective_->identity().rank == 0 && alive()) checker_.note_checkpoint(state_);
+  }
+  void brief() {
+    if (!collective_->is_joining()) collective_->brief(fmt::format("update {}", state_.update));
+  }
+
+  void recover(const MembershipChange& change) {
+    if (!collective_->is_joining()) checker_.note_members(*network_.running(), collective_->members(), change.lost(), change.joined());
+    while (true) try {
+        if (agree_on_state()) break;
+        collective_->barrier();
+      } catch (const MembershipChange& next) {
+        checker_.note_members(*network_.running(), collective_->members(), next.lost(), next.joined());
+      }
+    brief();
+  }
+
+  bool agree_on_state() {
+    std::vector<int> joining;
+    int source = -1;
+    std::uint64_t last = UINT64_MAX;
+    const auto of_all = collective_->all_gather(joins_ ? std::string(kJoins) : std::to_string(state_.update));
+    for (std::size_t place = 0; place < of_all.size(); ++place) {
+      if (of_all[place] == kJoins) {
+        joining.push_back(static_cast<int>(place));
+        continue;
+      }
+      if (source < 0) source = static_cast<int>(place);
+      last = std::min<std::uint64_t>(last, std::stoull(of_all[place]));
+    }
+    if (source < 0) throw RunError("workers", "all workers with the state of the run are lost; continue with --resume");
+    if (!joins_ && (state_.update > last || learning_)) {
+      if (!whole_ || whole_->update != last)
+        throw RunError("workers", fmt::format("are at updates {} and {}, which is too far apart", last, state_.update));
+      state_ = *whole_;
+    }
+    learning_ = false;
+    if (!joining.empty()) {
+      const bool is_source = collective_->identity().rank == source;
+      const std::string bytes = collective_->hand_over(source, joining, is_source ? state_.encoded() : std::string());
+      if (joins_) state_.decode(bytes);
+    }
+    const std::string hash = std::to_string(hash_of(state_.weights));
+    for (const auto& other : collective_->all_gather(hash))
+      if (other != hash) throw RunError("workers", "have different weights");
+    if (std::exchange(joins_, false)) collective_->confirm_join();
+    return true;
+  }
+
+  const Scenario& scenario_;
+  Network& network_;
+  Checker& checker_;
+  int rank_;
+  std::unique_ptr<Collective> collective_;
+  Preemption preemption_;
+  State state_;
+  std::optional<State> whole_;
+  int steps_ = 0;
+  double collect_s_ = 0;
+  bool joins_, learning_ = false, has_rollout_ = false, has_joiners_ = false;
+};
+
+/// Errors that say that the workers misunderstood each other: no fault of a process or a link may lead to them.
+bool is_misunderstanding(const std::string& error) {
+  for (const char* text : {"breaks the protocol", "but this worker is at", "is expected", "wrong part", "wrong order",
+                           "start all workers with", "internal error", "different weights", "too far apart",
+                           "while this worker is still sending", "another protocol", "does not return its buffers", "ZeroMQ"})
+    if (error.find(text) != std::string::npos) return true;
+  return false;
+}
+
+}  // namespace
+
+double Scenario::update_s() const {
+  return 1.5 * (0.002 * minibatches + rollout_steps * 1.3 * step_ms / 1000) * *std::ranges::max_element(slowness) +
+         100e-6 * static_cast<double>(most_latency_us);
+}
+
+Scenario scenario_of(std::uint64_t seed) {
+  Random random(seed ^ 0x5eed);
+  Scenario s;
+  s.seed = seed;
+  s.world_size = random.chance(0.2) ? 2 : static_cast<int>(random.between(3, 5));
+  s.updates = static_cast<int>(random.between(3, 8));
+  s.minibatches = static_cast<int>(random.between(1, 2));
+  s.rollout_steps = static_cast<int>(random.between(2, 6));
+  s.elements = random.chance(0.7) ? kSmallSumBytes / sizeof(float) + static_cast<std::size_t>(random.between(0, 999)) : 300;
+  s.step_ms = static_cast<double>(random.between(1, 40));
+  s.preempt_fraction = random.chance(0.5) ? 0.6 : 0;
+  for (int rank = 0; rank < s.world_size; ++rank) s.slowness.push_back(random.chance(0.2) ? static_cast<int>(random.between(2, 6)) : 1);
+  if (random.chance(0.2)) s.most_latency_us = 20000;
+  const double whole_s = 0.02 + s.updates * s.rollout_steps * s.step_ms / 1000;
+  const auto num_faults = random.between(0, 4);
+  for (std::int64_t i = 0; i < num_faults; ++i) {
+    Fault fault;
+    fault.kind = static_cast<Fault::Kind>(random.between(0, 6));
+    if (fault.kind != Fault::Kind::kill && random.chance(0.3)) fault.kind = Fault::Kind::kill;
+    fault.rank = random.chance(0.3) ? 0 : static_cast<int>(random.between(0, s.world_size - 1));
+    fault.other = (fault.rank + static_cast<int>(random.between(1, s.world_size - 1))) % s.world_size;
+    fault.group = static_cast<std::uint64_t>(random.between(1, (1 << s.world_size) - 2));
+    fault.at_s = random.chance(0.1) ? 0.001 * static_cast<double>(random.between(0, 20))
+                                    : whole_s * static_cast<double>(random.between(0, 1000)) / 700;
+    if (random.chance(0.2)) fault.at_s += static_cast<double>(random.between(0, 4000)) / 1000;
+    fault.duration_s =
+        random.chance(0.5) ? 0.001 * static_cast<double>(random.between(1, 500)) : 0.001 * static_cast<double>(random.between(500, 15000));
+    if (fault.kind == Fault::Kind::kill && random.chance(0.5)) fault.after_messages = random.between(0, 200);
+    const bool dies = fault.kind == Fault::Kind::kill || fault.kind == Fault::Kind::power_off;
+    if (dies && random.chance(0.6)) fault.restart_s = 0.001 * static_cast<double>(random.between(0, random.chance(0.8) ? 200 : 3000));
+    s.faults.push_back(fault);
+  }
+  return s;
+}
+
+std::string describe(const Scenario& s) {
+  return fmt::format("# seed {}: {} workers (slowness {}), {} updates, {} elements, steps {} x {} ms, preempt {}, latency to {} us\n{}",
+                     s.seed, s.world_size, s.slowness, s.updates, s.elements, s.rollout_steps, s.step_ms, s.preempt_fraction,
+                     s.most_latency_us, encode_schedule(s.faults));
+}
+
+Verdict run_scenario(const Scenario& scenario) {
+  Verdict verdict;
+  Checker checker(scenario, verdict);
+  {
+    Network network(scenario.seed);
+    network.set_latency(scenario.least_latency_us * kMicro, scenario.most_latency_us * kMicro);
+    const Nanos began = network.now();
+    network.on_send = [&](const Process& process, const Message& message) { checker.note_message(process, message); };
+    int num_kills = 0, num_errors = 0;
+    verdict.must_go_on = true;
+    const auto at = [&](double seconds, std::function<void()> action) {
+      network.at(began + static_cast<Nanos>(seconds * 1e9), std::move(action));
+    };
+    std::vector<Process*> current(static_cast<std::size_t>(scenario.world_size), nullptr);
+    int running = 0, pending = 0;
+    std::function<void(int, bool)> launch = [&](int rank, bool joins) {
+      ++running;
+      const auto index = static_cast<std::size_t>(rank);
+      Process& process = network.start(rank, scenario.slowness[index], [&, rank, joins] {
+        std::string outcome = "finished";
+        try {
+          Worker(scenario, network, checker, rank, joins).run();
+        } catch (const ProcessKilled&) {
+          outcome = "killed";
+        } catch (const LeftOut& error) {
+          outcome = fmt::format("left out: {}", error.what());
+          // Of a worker that was killed in the last barrier some others may know that it came to it.
+          num_errors += joins || verdict.finished > 0 ? 0 : 1;
+        } catch (const std::exception& error) {
+          outcome = error.what();
+          if (network.running()->alive && !joins) ++num_errors;
+          if (network.running() != nullptr && network.running()->alive && is_misunderstanding(outcome))
+            checker.fail(fmt::format("rank {}: {}", rank, outcome));
+        }
+        if (!network.running()->alive) outcome = "killed";
+        verdict.outcomes.push_back(fmt::format("{:.4f} s: rank {}{} {}", static_cast<double>(network.now() - began) * 1e-9, rank,
+                                               joins ? " (joined)" : "", outcome));
+        --running;
+      });
+      process.on_death = [&] {
+        if (!process.has_begun) --running;
+        ++num_kills;
+        if (process.dark) verdict.must_go_on = false;
+        if (checker.highest() == 0) verdict.must_go_on = false;
+      };
+      current[index] = &process;
+    };
+    for (int rank = 0; rank < scenario.world_size; ++rank)
+      at(rank == 0 ? 0.001 : 0.0001 * static_cast<double>(network.random().between(0, 30)), [&, rank] { launch(rank, false); });
+    pending += scenario.world_size;
+    for (int rank = 0; rank < scenario.world_size; ++rank) at(0.0031, [&] { --pending; });
+    for (const Fault& fault : scenario.faults) {
+      if (fault.kind != Fault::Kind::kill) verdict.must_go_on = false;
+      const auto index = static_cast<std::size_t>(fault.rank);
+      const auto restart_after = [&, fault](Process& process) {
+        if (fault.restart_s < 0) return;
+        const auto before = process.on_death;
+        process.on_death = [&, before, fault] {
+          if (before) before();
+          ++pending;
+          network.at(network.now() + static_cast<Nanos>(fault.restart_s * 1e9), [&, fault] {
+            --pending;
+            launch(fault.rank, true);
+          });
+        };
+      };
+      at(fault.after_messages >= 0 ? 0.0031 : std::max(0.0031, fault.at_s), [&, fault, index, restart_after] {
+        Process& process = *current[index];
+        switch (fault.kind) {
+          case Fault::Kind::kill:
+          case Fault::Kind::power_off:
+            if (process.fiber->has_ended() || !process.alive) return;
+            restart_after(process);
+            if (fault.after_messages >= 0)
+              process.dies_after_messages = fault.after_messages;
+            else
+              network.kill(process, fault.kind == Fault::Kind::power_off);
+            return;
+          case Fault::Kind::stop:
+            return network.stop(process, static_cast<Nanos>(fault.duration_s * 1e9));
+          case Fault::Kind::hang:
+            return network.hang(process, static_cast<Nanos>(fault.duration_s * 1e9));
+          case Fault::Kind::reset:
+            return network.reset(fault.rank, fault.other);
+          case Fault::Kind::cut:
+            for (int a = 0; a < scenario.world_size; ++a)
+              for (int b = 0; b < scenario.world_size; ++b)
+                if ((fault.group >> a & 1) != (fault.group >> b & 1)) network.cut(a, b, static_cast<Nanos>(fault.duration_s * 1e9));
+            return;
+          case Fault::Kind::cut_way:
+            return network.cut(fault.rank, fault.other, static_cast<Nanos>(fault.duration_s * 1e9));
+        }
+      });
+    }
+    network.run(began + static_cast<Nanos>(kLimit_s * 1e9), [&] { return running == 0 && pending == 0; });
+    if (running > 0) checker.fail(fmt::format("{} processes have not ended after {} s", running, kLimit_s));
+    verdict.messages = network.num_messages();
+    checker.check_end();
+    verdict.must_go_on = verdict.must_go_on && 2 * num_kills < scenario.world_size;
+    if (verdict.must_go_on && num_errors > 0) checker.fail("workers end though a majority was left");
+    if (verdict.must_go_on && verdict.longest_gap_s > 2 + scenario.update_s())
+      checker.fail(fmt::format("the run stood still for {:.2f} s", verdict.longest_gap_s));
+  }
+  return verdict;
+}
+
+}  // namespace earshot::simulation
