@@ -36,6 +36,7 @@ void ViewAgreement::invite(std::uint64_t joining) {
 
 void ViewAgreement::leave_out(int rank) {
   EARSHOT_EXPECT(rank != rank_);
+  if (is_open() && proposal_.has(rank)) ++proposal_.epoch;
   open();
   proposal_.members &= ~(std::uint64_t{1} << rank);
 }
@@ -48,10 +49,13 @@ ViewAgreement::Effect ViewAgreement::receive(int from, const View& view) {
   if (!view.has(rank_)) return Effect::excluded;
   if (!proposal_.has(from) && (is_open() || (joining_ >> from & 1) == 0)) return Effect::none;
   const View before = proposal_;
-  // A worker that still proposes another view for the current epoch left a member of it out before it saw it decided: a later view.
+  const bool was_open = is_open();
   open();
-  proposal_.members &= view.members;
-  proposal_.epoch = std::max(proposal_.epoch, view.epoch);
+  View merged{std::max(proposal_.epoch, view.epoch), proposal_.members & view.members};
+  // Unless it takes the other's view for a later epoch, this worker would propose two views for one.
+  const bool is_others = merged == view && (!was_open || view.epoch > proposal_.epoch);
+  if (merged != proposal_ && !is_others) ++merged.epoch;
+  proposal_ = merged;
   received_[static_cast<std::size_t>(from)] = view;
   return proposal_ == before ? Effect::none : Effect::proposal_changed;
 }

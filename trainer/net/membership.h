@@ -20,7 +20,8 @@ struct View {
 
 /// Agreement of the workers on the next view: each proposes the remaining members, removes those that a received proposal leaves out, and
 /// proposes again; the view is decided when all of its members have proposed it.  Proposals only ever lose members, so this
-/// ends.  No sockets: the owner sends proposal() to all of current() and proposal() whenever it has changed.
+/// ends.  A worker proposes each epoch for one set of members, and two sets that are decided have a worker in common: no epoch has two
+/// views.  No sockets: the owner sends proposal() to all of current() and proposal() whenever it has changed.
 ///
 /// Workers join by a proposal that begins with more members than the last view had.  They propose like the others, so that a view with them
 /// is decided only once they reach all and all reach them.  Whoever does not know of them leaves them out: a change that crosses comes

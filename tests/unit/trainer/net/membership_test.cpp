@@ -66,15 +66,53 @@ TEST(ViewAgreement, OnlyAMajorityOrTheHalfWithTheLowestRankGoesOn) {
 }
 
 TEST(ViewAgreement, AProposalForADecidedViewOpensALaterOne) {
-  ViewAgreement a(0, all_of(4));
+  ViewAgreement a(0, all_of(4)), b(1, all_of(4));
   a.leave_out(3);
-  a.receive(1, View{1, 0b0111});
+  b.leave_out(3);
+  a.receive(1, b.proposal());
   a.receive(2, View{1, 0b0111});
   ASSERT_TRUE(a.is_decided());
   a.adopt();
   // Worker 1 lost 2 before it saw that all had proposed the same.
-  EXPECT_EQ(a.receive(1, View{1, 0b0011}), Effect::proposal_changed);
+  b.leave_out(2);
+  EXPECT_EQ(a.receive(1, b.proposal()), Effect::proposal_changed);
   EXPECT_EQ(a.proposal(), (View{2, 0b0011}));
+  b.receive(0, a.proposal());
+  EXPECT_TRUE(a.is_decided() && b.is_decided());
+}
+
+// Who has left out a worker in the midst of an agreement takes a later epoch: the one that was left out may have decided the first view.
+TEST(ViewAgreement, NoEpochHasTwoViews) {
+  ViewAgreement a(0, all_of(5)), b(1, all_of(5)), c(2, all_of(5)), d(3, all_of(5));
+  for (ViewAgreement* worker : {&a, &b, &c, &d}) worker->leave_out(4);
+  for (const int other : {1, 2, 3}) a.receive(other, b.proposal());
+  ASSERT_TRUE(a.is_decided());
+  a.adopt();
+  for (ViewAgreement* worker : {&b, &c, &d}) worker->leave_out(0);
+  for (const int other : {2, 3}) b.receive(other, c.proposal());
+  ASSERT_TRUE(b.is_decided());
+  b.adopt();
+  EXPECT_EQ(a.current(), (View{1, 0b01111}));
+  EXPECT_EQ(b.current(), (View{2, 0b01110}));
+}
+
+// Workers that propose different views for one epoch meet in a later one.
+TEST(ViewAgreement, DifferentProposalsMeetInALaterEpoch) {
+  ViewAgreement a(0, all_of(5)), b(1, all_of(5)), c(2, all_of(5));
+  a.leave_out(3);
+  b.leave_out(4);
+  c.renew();
+  for (int round = 0; round < 3; ++round) {
+    const View of_a = a.proposal(), of_b = b.proposal(), of_c = c.proposal();
+    a.receive(1, of_b), a.receive(2, of_c);
+    b.receive(0, of_a), b.receive(2, of_c);
+    c.receive(0, of_a), c.receive(1, of_b);
+  }
+  ASSERT_TRUE(a.is_decided() && b.is_decided() && c.is_decided());
+  EXPECT_EQ(a.proposal().members, 0b00111u);
+  EXPECT_GT(a.proposal().epoch, 1u);
+  EXPECT_EQ(a.proposal(), b.proposal());
+  EXPECT_EQ(a.proposal(), c.proposal());
 }
 
 TEST(ViewAgreement, AWorkerJoinsOnceAllHaveProposedIt) {
@@ -111,9 +149,10 @@ TEST(ViewAgreement, ALossThatOthersHaveNotHeardOfComesBeforeAJoin) {
   b.leave_out(3);  // had not been told of the new one
   EXPECT_EQ(b.receive(0, a.proposal()), Effect::none);
   EXPECT_EQ(a.receive(1, b.proposal()), Effect::proposal_changed);
-  EXPECT_EQ(a.proposal(), (View{4, 0b00011}));
+  EXPECT_EQ(a.proposal(), (View{5, 0b00011}));  // 4 is the epoch of its view with the new one
   EXPECT_EQ(c.receive(0, a.proposal()), Effect::excluded);
   b.receive(0, a.proposal());
+  a.receive(1, b.proposal());
   EXPECT_TRUE(a.is_decided() && b.is_decided());
 }
 
