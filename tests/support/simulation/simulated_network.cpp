@@ -147,6 +147,7 @@ void Network::reset(int a, int b) {
       between.push_back(link);
   if (between.empty()) return;
   const Link link = between[static_cast<std::size_t>(random_.between(0, static_cast<std::int64_t>(between.size()) - 1))];
+  link->is_broken = true;
   for (Flow& flow : link->flows) flow.wire.clear();
   for (const int side : {0, 1}) at(now_ + latency(), [this, link, side] { end(link, side); });
 }
@@ -283,7 +284,7 @@ bool Network::send_to(Socket& socket, Message message, int& error) {
 /// From the sender's queue onto the way.
 void Network::pump(const Link& link, int from) {
   Flow& flow = link->flows[from];
-  if (!link->is_up || link->has_ended[from]) return;
+  if (!link->is_up || link->is_broken || link->has_ended[from]) return;
   while (!flow.pipe.empty() && flow.wire.size() < link->capacity) {
     Message message = std::move(flow.pipe.front());
     flow.pipe.pop_front();
@@ -308,7 +309,7 @@ void Network::deliver(const Link& link, int from) {
     flow.is_delivering = true;
     at(time, [this, link, from] { deliver(link, from); });
   };
-  if (link->has_ended[to] || !receiver.alive) {
+  if (link->has_ended[to] || link->is_broken || !receiver.alive) {
     flow.wire.clear();
     return;
   }

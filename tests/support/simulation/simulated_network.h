@@ -94,11 +94,11 @@ struct Flow {
 struct Connection {
   Socket* sockets[2] = {nullptr, nullptr};
   Process* processes[2] = {nullptr, nullptr};
-  Flow flows[2];  ///< by sender
-  bool is_up = false;
-  bool has_ended[2] = {false, false};   ///< as that end knows
-  bool is_closing[2] = {false, false};  ///< its socket has closed, and what it has queued may still leave
-  bool is_anonymous = false;            ///< the listener has another one of that name
+  Flow flows[2];                          ///< by sender
+  bool is_up = false, is_broken = false;  ///< broken: reset, and nothing arrives any more
+  bool has_ended[2] = {false, false};     ///< as that end knows
+  bool is_closing[2] = {false, false};    ///< its socket has closed, and what it has queued may still leave
+  bool is_anonymous = false;              ///< the listener has another one of that name
   std::string routing_id, endpoint;
   Nanos heard_at = 0;        ///< of heartbeats
   std::size_t capacity = 4;  ///< messages on their way

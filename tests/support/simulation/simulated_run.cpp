@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <map>
 #include <optional>
@@ -27,19 +28,14 @@ namespace {
 constexpr const char* kJoins = "joins";
 constexpr double kLimit_s = 240;  // of simulated time: several timeouts after the last fault
 
-/// A number in [-1, 1) for one element of a gradient.
-float addend(int rank, std::uint64_t update, int minibatch, std::size_t element) {
-  auto z = static_cast<std::uint32_t>(element * 2654435761u) ^ (static_cast<std::uint32_t>(rank + 1) * 40503u) ^
-           (static_cast<std::uint32_t>(update * 16 + static_cast<std::uint64_t>(minibatch)) * 2246822519u);
-  z ^= z >> 15;
-  z *= 2246822519u;
-  z ^= z >> 13;
-  return static_cast<float>(static_cast<std::int32_t>(z)) * 0x1p-31f;
-}
-
+/// Numbers in [-1, 1), which repeat after so many elements, no divisor of a segment.
 std::vector<float> gradient_of(int rank, std::uint64_t update, int minibatch, std::size_t count) {
+  constexpr std::size_t kPeriod = 257;
+  Random random(hash64(fmt::format("{} {} {}", rank, update, minibatch)));
   std::vector<float> gradient(count);
-  for (std::size_t i = 0; i < count; ++i) gradient[i] = addend(rank, update, minibatch, i);
+  for (std::size_t i = 0; i < std::min(count, kPeriod); ++i)
+    gradient[i] = static_cast<float>(static_cast<std::int32_t>(random.next() >> 32)) * 0x1p-31f;
+  for (std::size_t i = kPeriod; i < count; ++i) gradient[i] = gradient[i - kPeriod];
   return gradient;
 }
 
