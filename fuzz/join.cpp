@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Messages of workers that join a run under way, their rules (trainer/net/admission_rules.h), and views that others propose.
+// Messages of workers that join a run under way, their rules (trainer/net/meeting_sockets.h), and views that others propose.
 #include "fuzz/fuzz_target.h"
-#include "trainer/net/admission_rules.h"
+#include "trainer/net/meeting_sockets.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "sim/base/errors.h"
-#include "trainer/net/admission_rules.h"
 #include "trainer/net/join_request.h"
+#include "trainer/net/meeting_sockets.h"
 
 namespace earshot {
 

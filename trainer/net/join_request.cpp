@@ -9,7 +9,6 @@
 #include "sim/base/errors.h"
 #include "sim/base/process/stop_signals.h"
 #include "sim/base/text/log.h"
-#include "trainer/net/admission_rules.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/rendezvous.h"
 

@@ -8,7 +8,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/log.h"
-#include "trainer/net/admission_rules.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 

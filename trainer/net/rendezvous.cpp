@@ -13,7 +13,6 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/text/listed.h"
-#include "trainer/net/admission_rules.h"
 #include "trainer/net/host_address.h"
 #include "trainer/net/meeting_sockets.h"
 #include "trainer/net/wire.h"

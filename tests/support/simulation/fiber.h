@@ -9,7 +9,7 @@
 
 namespace earshot::simulation {
 
-/// A function on a stack of its own, which runs until it pauses.  One thread runs all fibers; exceptions, caught and in flight, are each
+/// A function on a stack of its own, which runs until it waits.  One thread runs all fibers; exceptions, thrown and caught, are each
 /// fiber's own.
 class Fiber {
  public:

@@ -90,18 +90,18 @@ std::vector<int> all_ranks(int count) {
 /// What all workers do, seen from outside.
 class Checker {
  public:
-  Checker(const Scenario& scenario, Verdict& verdict) : scenario_(scenario), verdict_(verdict) {}
+  Checker(const Scenario& scenario, RunReport& report) : scenario_(scenario), report_(report) {}
 
   void fail(const std::string& what) {
-    if (verdict_.failures.size() < 10) verdict_.failures.push_back(what);
+    if (report_.failures.size() < 10) report_.failures.push_back(what);
   }
 
   /// A worker has these members from now on.
   void note_members(const Process& process, const std::vector<int>& members, const std::vector<int>& lost, const std::vector<int>& joined) {
     const int rank = process.rank;
     members_[&process] = members;
-    ++verdict_.changes;
-    verdict_.joins += static_cast<int>(joined.size());
+    ++report_.changes;
+    report_.joins += static_cast<int>(joined.size());
     if (std::ranges::find(members, rank) == members.end()) fail(fmt::format("rank {} is no member of its own view {}", rank, members));
     for (const int left : lost)
       if (std::ranges::find(members, left) != members.end() && std::ranges::find(joined, left) == joined.end())
@@ -136,7 +136,7 @@ class Checker {
     const auto parent = before.history.empty() ? 0 : before.history.back();
     if (hash_of(before.weights) != parent && before.update > 0)
       fail(fmt::format("rank {} begins update {} from other weights", rank, after.update));
-    if (last_update_s_ > 0 && after.update > highest_) verdict_.longest_gap_s = std::max(verdict_.longest_gap_s, now_s - last_update_s_);
+    if (last_update_s_ > 0 && after.update > highest_) report_.longest_gap_s = std::max(report_.longest_gap_s, now_s - last_update_s_);
     if (after.update > highest_) {
       highest_ = after.update;
       last_update_s_ = now_s;
@@ -145,7 +145,7 @@ class Checker {
   /// Rank 0 has written it to the disk.
   void note_checkpoint(const State& state) { checkpoints_.push_back(state.history); }
   void note_finished(int rank, const State& state) {
-    ++verdict_.finished;
+    ++report_.finished;
     if (state.update != static_cast<std::uint64_t>(scenario_.updates))
       fail(fmt::format("rank {} finishes with {} updates of {}", rank, state.update, scenario_.updates));
     if (final_ && *final_ != state.history) fail(fmt::format("rank {} finishes with other bits", rank));
@@ -164,7 +164,7 @@ class Checker {
 
  private:
   const Scenario& scenario_;
-  Verdict& verdict_;
+  RunReport& report_;
   std::map<const Process*, std::vector<int>> members_;  ///< of those that have joined or lost others
   std::map<std::uint32_t, std::vector<int>> members_of_epoch_;
   std::map<std::pair<std::vector<std::uint64_t>, std::vector<int>>, std::uint64_t> expected_;
@@ -376,62 +376,16 @@ bool is_misunderstanding(const std::string& error) {
 
 }  // namespace
 
-double Scenario::update_s() const {
-  return 1.5 * (0.002 * minibatches + rollout_steps * 1.3 * step_ms / 1000) * *std::ranges::max_element(slowness) +
-         100e-6 * static_cast<double>(most_latency_us);
-}
-
-Scenario scenario_of(std::uint64_t seed) {
-  Random random(seed ^ 0x5eed);
-  Scenario s;
-  s.seed = seed;
-  s.world_size = random.chance(0.2) ? 2 : static_cast<int>(random.between(3, 5));
-  s.updates = static_cast<int>(random.between(3, 8));
-  s.minibatches = static_cast<int>(random.between(1, 2));
-  s.rollout_steps = static_cast<int>(random.between(2, 6));
-  s.elements = random.chance(0.7) ? kSmallSumBytes / sizeof(float) + static_cast<std::size_t>(random.between(0, 999)) : 300;
-  s.step_ms = static_cast<double>(random.between(1, 40));
-  s.preempt_fraction = random.chance(0.5) ? 0.6 : 0;
-  for (int rank = 0; rank < s.world_size; ++rank) s.slowness.push_back(random.chance(0.2) ? static_cast<int>(random.between(2, 6)) : 1);
-  if (random.chance(0.2)) s.most_latency_us = 20000;
-  const double whole_s = 0.02 + s.updates * s.rollout_steps * s.step_ms / 1000;
-  const auto num_faults = random.between(0, 4);
-  for (std::int64_t i = 0; i < num_faults; ++i) {
-    Fault fault;
-    fault.kind = static_cast<Fault::Kind>(random.between(0, 6));
-    if (fault.kind != Fault::Kind::kill && random.chance(0.3)) fault.kind = Fault::Kind::kill;
-    fault.rank = random.chance(0.3) ? 0 : static_cast<int>(random.between(0, s.world_size - 1));
-    fault.other = (fault.rank + static_cast<int>(random.between(1, s.world_size - 1))) % s.world_size;
-    fault.group = static_cast<std::uint64_t>(random.between(1, (1 << s.world_size) - 2));
-    fault.at_s = random.chance(0.1) ? 0.001 * static_cast<double>(random.between(0, 20))
-                                    : whole_s * static_cast<double>(random.between(0, 1000)) / 700;
-    if (random.chance(0.2)) fault.at_s += static_cast<double>(random.between(0, 4000)) / 1000;
-    fault.duration_s =
-        random.chance(0.5) ? 0.001 * static_cast<double>(random.between(1, 500)) : 0.001 * static_cast<double>(random.between(500, 15000));
-    if (fault.kind == Fault::Kind::kill && random.chance(0.5)) fault.after_messages = random.between(0, 200);
-    const bool dies = fault.kind == Fault::Kind::kill || fault.kind == Fault::Kind::power_off;
-    if (dies && random.chance(0.6)) fault.restart_s = 0.001 * static_cast<double>(random.between(0, random.chance(0.8) ? 200 : 3000));
-    s.faults.push_back(fault);
-  }
-  return s;
-}
-
-std::string describe(const Scenario& s) {
-  return fmt::format("# seed {}: {} workers (slowness {}), {} updates, {} elements, steps {} x {} ms, preempt {}, latency to {} us\n{}",
-                     s.seed, s.world_size, s.slowness, s.updates, s.elements, s.rollout_steps, s.step_ms, s.preempt_fraction,
-                     s.most_latency_us, encode_schedule(s.faults));
-}
-
-Verdict run_scenario(const Scenario& scenario) {
-  Verdict verdict;
-  Checker checker(scenario, verdict);
+RunReport run_scenario(const Scenario& scenario) {
+  RunReport report;
+  Checker checker(scenario, report);
   {
     Network network(scenario.seed);
     network.set_latency(scenario.least_latency_us * kMicro, scenario.most_latency_us * kMicro);
     const Nanos began = network.now();
     network.on_send = [&](const Process& process, const Message& message) { checker.note_message(process, message); };
     int num_kills = 0, num_errors = 0;
-    verdict.must_go_on = true;
+    report.must_go_on = true;
     const auto at = [&](double seconds, std::function<void()> action) {
       network.at(began + static_cast<Nanos>(seconds * 1e9), std::move(action));
     };
@@ -449,7 +403,7 @@ Verdict run_scenario(const Scenario& scenario) {
         } catch (const LeftOut& error) {
           outcome = fmt::format("left out: {}", error.what());
           // Of a worker that was killed in the last barrier some others may know that it came to it.
-          num_errors += joins || (verdict.finished > 0 && num_kills > 0) ? 0 : 1;
+          num_errors += joins || (report.finished > 0 && num_kills > 0) ? 0 : 1;
         } catch (const std::exception& error) {
           outcome = error.what();
           if (network.running()->alive && !joins) ++num_errors;
@@ -457,15 +411,15 @@ Verdict run_scenario(const Scenario& scenario) {
             checker.fail(fmt::format("rank {}: {}", rank, outcome));
         }
         if (!network.running()->alive) outcome = "killed";
-        verdict.outcomes.push_back(fmt::format("{:.4f} s: rank {}{} {}", static_cast<double>(network.now() - began) * 1e-9, rank,
-                                               joins ? " (joined)" : "", outcome));
+        report.outcomes.push_back(fmt::format("{:.4f} s: rank {}{} {}", static_cast<double>(network.now() - began) * 1e-9, rank,
+                                              joins ? " (joined)" : "", outcome));
         --running;
       });
       process.on_death = [&] {
         if (!process.has_begun) --running;
         ++num_kills;
-        if (process.dark) verdict.must_go_on = false;
-        if (checker.highest() == 0) verdict.must_go_on = false;
+        if (process.dark) report.must_go_on = false;
+        if (checker.highest() == 0) report.must_go_on = false;
       };
       current[index] = &process;
     };
@@ -474,7 +428,7 @@ Verdict run_scenario(const Scenario& scenario) {
     pending += scenario.world_size;
     for (int rank = 0; rank < scenario.world_size; ++rank) at(0.0031, [&] { --pending; });
     for (const Fault& fault : scenario.faults) {
-      if (fault.kind != Fault::Kind::kill) verdict.must_go_on = false;
+      if (fault.kind != Fault::Kind::kill) report.must_go_on = false;
       const auto index = static_cast<std::size_t>(fault.rank);
       const auto restart_after = [&, fault](Process& process) {
         if (fault.restart_s < 0) return;
@@ -518,14 +472,14 @@ Verdict run_scenario(const Scenario& scenario) {
     }
     network.run(began + static_cast<Nanos>(kLimit_s * 1e9), [&] { return running == 0 && pending == 0; });
     if (running > 0) checker.fail(fmt::format("{} processes have not ended after {} s", running, kLimit_s));
-    verdict.messages = network.num_messages();
+    report.messages = network.num_messages();
     checker.check_end();
-    verdict.must_go_on = verdict.must_go_on && 2 * num_kills < scenario.world_size;
-    if (verdict.must_go_on && num_errors > 0) checker.fail("workers end though a majority was left");
-    if (verdict.must_go_on && verdict.longest_gap_s > 2 + scenario.update_s())
-      checker.fail(fmt::format("the run stood still for {:.2f} s", verdict.longest_gap_s));
+    report.must_go_on = report.must_go_on && 2 * num_kills < scenario.world_size;
+    if (report.must_go_on && num_errors > 0) checker.fail("workers end though a majority was left");
+    if (report.must_go_on && report.longest_gap_s > 2 + scenario.update_s())
+      checker.fail(fmt::format("the run stood still for {:.2f} s", report.longest_gap_s));
   }
-  return verdict;
+  return report;
 }
 
 }  // namespace earshot::simulation

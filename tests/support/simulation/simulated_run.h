@@ -26,7 +26,7 @@ Scenario scenario_of(std::uint64_t seed);
 std::string describe(const Scenario& scenario);
 
 /// How a run ended, and what was wrong with it.
-struct Verdict {
+struct RunReport {
   std::vector<std::string> failures;  ///< broken promises
   std::vector<std::string> outcomes;  ///< of each process, "rank 2: finished"
   std::uint64_t messages = 0;
@@ -41,6 +41,6 @@ struct Verdict {
 /// - who finishes has made all updates, with the same bits as all others who finish, and each checkpoint is one of these updates;
 /// - no error speaks of a broken protocol, and no process is left at the end of the time;
 /// - where the workers that were lost leave a majority each time, the others finish.
-Verdict run_scenario(const Scenario& scenario);
+RunReport run_scenario(const Scenario& scenario);
 
 }  // namespace earshot::simulation

@@ -41,8 +41,8 @@ struct Totals {
 /// Failures of one seed, as lines.
 std::string failures_of(std::uint64_t seed, Totals& totals) {
   const Scenario scenario = scenario_of(seed);
-  const Verdict verdict = run_scenario(scenario);
-  for (std::string outcome : verdict.outcomes) {
+  const RunReport report = run_scenario(scenario);
+  for (std::string outcome : report.outcomes) {
     outcome = outcome.substr(outcome.find("rank"));
     std::string kind;
     for (const char c : outcome)
@@ -52,14 +52,14 @@ std::string failures_of(std::uint64_t seed, Totals& totals) {
         kind += 'N';
     ++totals.outcomes[kind];
   }
-  totals.messages += verdict.messages;
-  totals.changes += verdict.changes;
-  totals.joins += verdict.joins;
-  totals.must_go_on += verdict.must_go_on && !scenario.faults.empty() ? 1 : 0;
-  if (verdict.failures.empty()) return {};
+  totals.messages += report.messages;
+  totals.changes += report.changes;
+  totals.joins += report.joins;
+  totals.must_go_on += report.must_go_on && !scenario.faults.empty() ? 1 : 0;
+  if (report.failures.empty()) return {};
   std::string text = describe(scenario);
-  for (const auto& failure : verdict.failures) text += "  FAILS: " + failure + "\n";
-  for (const auto& outcome : verdict.outcomes) text += "  " + outcome + "\n";
+  for (const auto& failure : report.failures) text += "  FAILS: " + failure + "\n";
+  for (const auto& outcome : report.outcomes) text += "  " + outcome + "\n";
   return text;
 }
 
@@ -96,7 +96,7 @@ TEST_F(Simulation, ASchedulePlaysAgainFromItsText) {
   int with_faults = 0;
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Scenario scenario = scenario_of(seed);
-    const Verdict first = run_scenario(scenario);
+    const RunReport first = run_scenario(scenario);
     scenario.faults = decode_schedule(encode_schedule(scenario.faults), "schedule");
     EXPECT_EQ(run_scenario(scenario).outcomes, first.outcomes) << seed;
     with_faults += scenario.faults.empty() ? 0 : 1;
@@ -109,7 +109,7 @@ TEST_F(Simulation, ASchedulePlaysAgainFromItsText) {
 
 TEST_F(Simulation, ASeedGivesTheSameRunEachTime) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const Verdict first = run_scenario(scenario_of(seed)), second = run_scenario(scenario_of(seed));
+    const RunReport first = run_scenario(scenario_of(seed)), second = run_scenario(scenario_of(seed));
     EXPECT_EQ(first.outcomes, second.outcomes) << seed;
     EXPECT_EQ(first.messages, second.messages) << seed;
   }
@@ -130,11 +130,11 @@ TEST_F(Simulation, OneSeed) {
   spdlog::set_level(spdlog::level::info);
   if (const char* const file = std::getenv("EARSHOT_SCHEDULE")) scenario.faults = read_schedule(file);
   std::printf("%s", describe(scenario).c_str());
-  const Verdict verdict = run_scenario(scenario);
-  for (const auto& outcome : verdict.outcomes) std::printf("  %s\n", outcome.c_str());
-  std::printf("  %llu messages, %d finished, %d changes, %d joins, longest gap %.2f s\n", static_cast<unsigned long long>(verdict.messages),
-              verdict.finished, verdict.changes, verdict.joins, verdict.longest_gap_s);
-  for (const auto& failure : verdict.failures) ADD_FAILURE() << failure;
+  const RunReport report = run_scenario(scenario);
+  for (const auto& outcome : report.outcomes) std::printf("  %s\n", outcome.c_str());
+  std::printf("  %llu messages, %d finished, %d changes, %d joins, longest gap %.2f s\n", static_cast<unsigned long long>(report.messages),
+              report.finished, report.changes, report.joins, report.longest_gap_s);
+  for (const auto& failure : report.failures) ADD_FAILURE() << failure;
 }
 
 }  // namespace
