@@ -10,17 +10,21 @@
 
 #include "apps/board/board_commands.h"
 #include "apps/options/output_options.h"
+#include "datasets/corpus_parts.h"
 #include "evaluation/leaderboard/benchmark.h"
 #include "evaluation/leaderboard/board_entry.h"
 #include "evaluation/leaderboard/leaderboard.h"
 #include "evaluation/leaderboard/private_set.h"
+#include "evaluation/results/evaluation_parts.h"
 #include "evaluation/results/evaluation_workers.h"
 #include "evaluation/results/evaluator.h"
 #include "evaluation/results/policy_process.h"
 #include "evaluation/results/result_groups.h"
 #include "sim/base/control_characters.h"
+#include "sim/base/engine_hash.h"
 #include "sim/base/files.h"
 #include "sim/base/process/closed_pipe.h"
+#include "sim/base/process/progress.h"
 #include "sim/base/temporary_folder.h"
 #include "sim/base/text/log.h"
 #include "trainer/checkpoint/checkpoint_bytes.h"
@@ -43,7 +47,7 @@ struct EvalArguments {
   bool argmax = false, sample = false;
   int workers = 1;
   double policy_memory_gb = 4, policy_seconds = 86'400;
-  std::string part_folder, json;
+  std::string part_folder, json, shard, parts;
 };
 
 /// The config's held-out set, unless --episodes names one.
@@ -218,8 +222,58 @@ EvaluationResult evaluate(const Plan& plan, const EvalArguments& options) {
   return evaluate_checkpoint(plan.checkpoint, plan.evaluation, options.overrides);
 }
 
+/// --shard and --parts, which need each other; nothing without.
+std::optional<CorpusShard> shard_of(const EvalArguments& options) {
+  if (options.shard.empty() != options.parts.empty())
+    throw InputError(options.shard.empty() ? "--parts" : "--shard", "needs the other of --shard K/N and --parts FOLDER", "give both");
+  if (options.shard.empty()) return std::nullopt;
+  if (options.workers > 1) throw InputError("--shard", "cannot be combined with --workers", "leave one of both out");
+  return CorpusShard::parse(options.shard);
+}
+
+/// An episode must not depend on the load beside it where several processes run parts of a set.
+void refuse_stage_limit(const Plan& plan, const char* option, const char* otherwise) {
+  if (plan.config.env.stage_limit_s > 0)
+    throw InputError(option, "cannot be combined with env.stage_limit_s: the time limit would end other episodes under another load",
+                     fmt::format("set env.stage_limit_s=0, or evaluate {}", otherwise));
+}
+
+/// All that decides the rows of a part, as lines.
+std::string settings_of(const Plan& plan, const EvalArguments& options) {
+  const EvaluationConfig& evaluation = plan.evaluation;
+  const char* actions = !evaluation.actions ? "of the config" : *evaluation.actions == ActionChoice::argmax ? "argmax" : "sample";
+  std::string text = fmt::format("engine: {}\nagent: {}\nbytes: {}\nset: {} {}\nseed: {}\nactions: {}\nepisodes: {}\n", engine_hash(),
+                                 options.agent, plan.baseline ? "none" : hex64(hash64(plan.checkpoint.bytes)), evaluation.episodes,
+                                 hex64(load_evaluated_set(evaluation)->hash), evaluation.seed, actions, evaluation.max_episodes);
+  for (const std::string& override : options.overrides) text += "set: " + override + "\n";
+  return text + config_text(plan.config);
+}
+
+/// Leaves the part of this process in the folder if it is not there.  The whole once no part is missing, nothing before.
+std::optional<EvaluationResult> evaluate_shard(Plan& plan, const EvalArguments& options, const CorpusShard& shard) {
+  refuse_stage_limit(plan, "--shard", "without --shard");
+  const EvaluationParts parts(options.parts, shard.count, settings_of(plan, options));
+  if (!parts.has(shard.index - 1)) {
+    const auto set = load_evaluated_set(plan.evaluation);
+    EvaluationPart part{.part = shard.index - 1, .parts = shard.count};
+    std::size_t mine = 0;
+    const int num_envs = evaluation_batch(plan.evaluation, set->episodes.size());
+    for (std::size_t episode = 0; episode < set->episodes.size(); ++episode) mine += part.has(episode, num_envs);
+    Progress progress("evaluate " + options.agent, "episode", mine);
+    part.on_progress = [&](std::size_t done) { progress.update(done); };
+    plan.evaluation.part = part;
+    parts.save(shard.index - 1, evaluate(plan, options));
+  }
+  if (const int missing = parts.missing(); missing > 0) {
+    fmt::print("{}: {} of {} parts are missing; run any part again when all are in this folder\n", options.parts, missing, shard.count);
+    return std::nullopt;
+  }
+  return parts.join();
+}
+
 int run_eval(const EvalArguments& options, const std::vector<std::string>& arguments) {
   outlive_closed_pipes();
+  const std::optional<CorpusShard> shard = shard_of(options);
   if (!options.part_folder.empty()) {
     EvaluationWorker worker(options.part_folder, options.agent);
     Plan plan = plan_of(options, &worker);
@@ -232,10 +286,12 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
   check_outputs_of_eval(options, plan);
   const auto locks = lock_written_runs(options);
   EvaluationResult result;
-  if (options.workers > 1) {
-    if (plan.config.env.stage_limit_s > 0)
-      throw InputError("--workers", "cannot be combined with env.stage_limit_s: the time limit would end other episodes under another load",
-                       "set env.stage_limit_s=0, or evaluate with --workers 1");
+  if (shard) {
+    std::optional<EvaluationResult> whole = evaluate_shard(plan, options, *shard);
+    if (!whole) return 0;
+    result = std::move(*whole);
+  } else if (options.workers > 1) {
+    refuse_stage_limit(plan, "--workers", "with --workers 1");
     static_cast<void>(load_evaluated_set(plan.evaluation));  // reports its errors once
     int exit_code = 0;
     plan.process.reset();  // each worker has one of its own
@@ -292,6 +348,12 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
       ->capture_default_str();
   command->add_option("--policy-seconds", options->policy_seconds, "With --benchmark: CPU seconds that the process of a policy may take")
       ->capture_default_str();
+  command->add_option(
+      "--shard", options->shard,
+      "K/N: run only part K of N, for N machines, and leave its result in the folder of --parts. The process that finds all "
+      "parts there writes the whole: the bytes of one process");
+  command->add_option("--parts", options->parts, "Folder for the parts of --shard; a part that is there is not run again")
+      ->type_name(kOutputFolder);
   command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts
   command->add_option("--json", options->json, "Also write the table to this JSON file")->type_name(kOutputFile);
   command->callback([options, &arguments, &exit_code] { exit_code = run_eval(*options, arguments); });

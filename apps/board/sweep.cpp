@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -34,7 +35,7 @@ namespace earshot {
 namespace {
 
 struct SweepArguments {
-  std::string file, json;
+  std::string file, json, run;
   bool report = false;
 };
 
@@ -219,6 +220,37 @@ void write_report(const SweepArguments& options, const SweepConfig& sweep, const
   if (!options.json.empty()) write_file_atomically(options.json, sweep_json(sweep, curves));
 }
 
+/// Trains and evaluates as far as the run is not.  index: from 0 of `total`, for the progress.
+void complete_run(const SweepConfig& sweep, const SweepRun& run, std::size_t index, std::size_t total) {
+  const std::string label = fmt::format("[{}/{}] {} seed {}", index + 1, total, run.variant, run.seed);
+  if (!finished(run)) train_run(sweep, run, label);
+  if (evaluation_due(sweep, run)) evaluate_run(sweep, run, label);
+}
+
+int say_stopped() {
+  log_warning("sweep: was stopped; the same command goes on with it");
+  return exit_code_after(StopSignals::signal());
+}
+
+/// --run: one run for another machine.  `earshot train` locks its folder; the table is that of --report.
+int run_one(const SweepArguments& options, const SweepConfig& sweep, const std::vector<SweepRun>& runs) {
+  const auto name = [](const SweepRun& run) { return fmt::format("{}/seed_{}", run.variant, run.seed); };
+  const auto run = std::ranges::find(runs, options.run, name);
+  if (run == runs.end()) {
+    std::string names;
+    for (const SweepRun& other : runs) names += (names.empty() ? "" : ", ") + name(other);
+    throw InputError("--run " + options.run, "is no run of this sweep", "one of: " + names);
+  }
+  const StopSignals signals;
+  try {
+    complete_run(sweep, *run, static_cast<std::size_t>(run - runs.begin()), runs.size());
+  } catch (const SweepStopped&) {
+    return say_stopped();
+  }
+  fmt::print("{}: finished\n", run->folder.string());
+  return kExitDone;
+}
+
 int run_sweep(const SweepArguments& options) {
   outlive_closed_pipes();
   const SweepConfig sweep = load_sweep(options.file);
@@ -234,20 +266,18 @@ int run_sweep(const SweepArguments& options) {
     refuse_other_settings(sweep, run);
     refuse_missing_set(sweep, run);
   }
+  if (!options.run.empty()) return run_one(options, sweep, runs);
   if (!options.report) {
     const auto lock = RunLock::acquire(sweep.out, "earshot sweep", run_lock_options(launcher_job()));
     const StopSignals signals;
     try {
       for (std::size_t i = 0; i < runs.size(); ++i) {
-        const std::string label = fmt::format("[{}/{}] {} seed {}", i + 1, runs.size(), runs[i].variant, runs[i].seed);
         if (finished(runs[i]) && !evaluation_due(sweep, runs[i])) continue;
-        if (!finished(runs[i])) train_run(sweep, runs[i], label);
-        if (evaluation_due(sweep, runs[i])) evaluate_run(sweep, runs[i], label);
+        complete_run(sweep, runs[i], i, runs.size());
         write_report(options, sweep, runs);
       }
     } catch (const SweepStopped&) {
-      log_warning("sweep: was stopped; the same command goes on with it");
-      return exit_code_after(StopSignals::signal());
+      return say_stopped();
     }
   }
   write_report(options, sweep, runs);
@@ -262,7 +292,11 @@ void add_sweep(CLI::App& app, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their learning curves");
   command->add_option("SWEEP", options->file, "Sweep file (YAML), for example configs/sweeps/learning_rate.yaml")->required();
-  command->add_flag("--report", options->report, "Do not train: print the table and curves of the finished runs");
+  auto* report = command->add_flag("--report", options->report, "Do not train: print the table and curves of the finished runs");
+  command
+      ->add_option("--run", options->run,
+                   "NAME/seed_N: train and evaluate only this run, for sweeps over several machines; --report then writes the table")
+      ->excludes(report);
   command->add_option("--json", options->json, "Also write the numbers to this JSON file")->type_name(kOutputFile);
   command->footer(
       "Keys of SWEEP:\n"

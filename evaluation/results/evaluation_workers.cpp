@@ -15,6 +15,7 @@
 #include <string_view>
 #include <thread>
 
+#include "evaluation/results/evaluation_parts.h"
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/process/progress.h"
@@ -109,25 +110,11 @@ EvaluationResult evaluate_with_workers(int workers, std::vector<std::string> arg
   }
   arguments.emplace_back(kPartFolderOption);
   arguments.push_back(folder.path().string());
-  EvaluationResult result;
   exit_code = spawn_workers(workers, arguments);
-  if (exit_code != 0) return result;
-  for (int part = 0; part < workers; ++part) {
-    EvaluationResult part_result = load_result(part_file(folder.path(), part));
-    if (part == 0) {
-      result = std::move(part_result);
-      continue;
-    }
-    if (part_result.set_hash != result.set_hash || part_result.episodes.size() != result.episodes.size() ||
-        part_result.policy_hash != result.policy_hash || part_result.senses != result.senses || part_result.agent != result.agent ||
-        part_result.rules != result.rules)
-      throw RunError("eval --workers", "the workers read different episodes, weights or configs: a file was changed during the evaluation");
-    for (std::size_t i = 0; i < part_result.episodes.size(); ++i)
-      if (!part_result.episodes[i].scene.empty()) result.episodes[i] = std::move(part_result.episodes[i]);
-  }
-  for (const auto& row : result.episodes)
-    if (row.scene.empty()) throw RunError("eval --workers", "the workers left out an episode");
-  return result;
+  if (exit_code != 0) return {};
+  std::vector<std::filesystem::path> files;
+  for (int part = 0; part < workers; ++part) files.push_back(part_file(folder.path(), part));
+  return join_evaluation_parts(files, "eval --workers");
 }
 
 }  // namespace earshot

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Evaluations and sweeps by several processes, stopped and gone on with.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <random>
 #include <string>
+#include <vector>
 
 #include "evaluation/results/result.h"
 #include "sim/base/files.h"
@@ -33,6 +37,55 @@ TEST_F(BoardCli, AnyNumberOfProcessesGivesTheSameBytes) {
       EXPECT_EQ(read_file(path("several.json")), read_file(path("one.json"))) << agent << ", " << workers << " workers";
     }
   }
+}
+
+TEST_F(BoardCli, PartsOfAnyNumberAndOrderGiveTheSameBytes) {
+  make_episodes(7);
+  expect_done("train " + path("tiny.yaml"));
+  std::mt19937 random(5);
+  for (const std::string& agent : {path("run"), "random --config " + path("tiny.yaml") + " --set env.observation.gps_compass=true"}) {
+    const std::string common = "eval " + agent + " --episodes " + path("eval.json.gz") + " --seed 3 --out ";
+    expect_done(common + path("one.json"));
+    for (const int parts : {1, 2, 3, 5, 9}) {  // of 7 episodes: some have nothing to do
+      std::vector<int> order(static_cast<std::size_t>(parts));
+      std::iota(order.begin(), order.end(), 1);
+      std::ranges::shuffle(order, random);
+      std::filesystem::remove_all(path("parts"));
+      std::filesystem::remove(path("joined.json"));
+      for (const int part : order) {
+        EXPECT_FALSE(std::filesystem::exists(path("joined.json"))) << "before all parts are there";
+        expect_done(common + path("joined.json") + fmt::format(" --shard {}/{} --parts {}", part, parts, path("parts")));
+      }
+      EXPECT_EQ(read_file(path("joined.json")), read_file(path("one.json"))) << agent << ", " << parts << " parts";
+    }
+  }
+}
+
+TEST_F(BoardCli, RunsOfASweepOneByOneGiveTheSweep) {
+  make_episodes(2);
+  for (const std::string out : {"whole", "apart"})
+    write_text(path(out + ".yaml"),
+               "config: " + path("tiny.yaml") + "\nname: n\nout: " + path(out) +
+                   "\nseeds: [1, 2]\nset: [total_steps=64]\nevaluate: []\nruns: {base: [], fast: [ppo.learning_rate=1e-3]}\n");
+  expect_done("sweep " + path("whole.yaml"));
+  for (const std::string run : {"fast/seed_2", "base/seed_1", "base/seed_2", "fast/seed_1"}) {
+    expect_done("sweep " + path("apart.yaml") + " --run " + run);
+    EXPECT_FALSE(std::filesystem::exists(path("apart/sweep.json")));
+  }
+  expect_done("sweep " + path("apart.yaml") + " --report");
+  const auto numbers = [&](const std::string& out) {  // without times and the path
+    std::string text;
+    const Json sweep = json_of(out + "/sweep.json");
+    for (const Json& run : sweep["runs"])
+      for (const Json& seed : run["seeds"])
+        text += fmt::format("{} {} {} {} {} {}\n", run["run"].get<std::string>(), seed["seed"].dump(), seed["finished"].dump(),
+                            seed["env_steps"].dump(), seed["held_out_success"].dump(), seed["held_out_spl"].dump());
+    return text;
+  };
+  EXPECT_EQ(numbers("apart"), numbers("whole"));
+  EXPECT_EQ(std::ranges::count(numbers("apart"), '\n'), 4);
+  expect_refused("sweep " + path("apart.yaml") + " --run base/seed_3",
+                 AllOf(HasSubstr("base/seed_3"), HasSubstr("base/seed_1, base/seed_2")));
 }
 
 TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {

@@ -37,6 +37,23 @@ TEST_F(BoardCli, AKilledWorkerEndsTheEvaluationWithOneLine) {
   expect_refused("eval random --config " + path("tiny.yaml") + " --workers 2", HasSubstr("episodes_per_scene"));
 }
 
+TEST_F(BoardCli, PartsOfAnEvaluationAreJoinedOrRefused) {
+  make_episodes(3);
+  const std::string common = "eval random --config " + path("tiny.yaml") + " --episodes " + path("eval.json.gz");
+  expect_done(common + " --out " + path("one.json"));
+  const std::string parts = " --parts " + path("parts");
+  expect_done(common + parts + " --shard 2/2 --out " + path("joined.json"));
+  EXPECT_FALSE(std::filesystem::exists(path("joined.json")));
+  expect_refused(common + parts + " --shard 1/2 --seed 1",
+                 AllOf(HasSubstr("another evaluation"), HasSubstr("'seed: 0' there, 'seed: 1' here")));
+  expect_refused(common + parts + " --shard 1/3", HasSubstr("'parts: 2' there, 'parts: 3' here"));
+  expect_refused(common + parts, HasSubstr("--shard K/N and --parts FOLDER"));
+  expect_refused(common + parts + " --shard 1/2 --workers 2", HasSubstr("--workers"));
+  expect_refused(common + parts + " --shard 1/2 --set env.stage_limit_s=1", HasSubstr("env.stage_limit_s"));
+  expect_done(common + parts + " --shard 1/2 --out " + path("joined.json"));
+  EXPECT_EQ(read_file(path("joined.json")), read_file(path("one.json")));
+}
+
 TEST_F(BoardCli, ReplayWritesAPageOfWhatHappened) {
   make_episodes(3);
   expect_done("eval oracle --config " + path("tiny.yaml") + " --set env.task.max_steps=200 --episodes " + path("eval.json.gz") + " --out " +
