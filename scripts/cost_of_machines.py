@@ -24,7 +24,8 @@ INPUTS: list[tuple[str, float, str, str]] = [
     ("responses", 1e6, "", "responses of the corpus"),
     ("responses_per_part", 1000, "", "responses of a part: rooms_per_folder x sources x listeners"),
     ("part_start_s", 0.03, "s", "processor time to start the program for a part"),
-    ("task_s", 0.06, "s", "processor time of Ray, the node and the caller for a part, without its bytes"),
+    ("task_s", 0.1, "s", "processor time of Ray, the node and the caller for a part, without its bytes"),
+    ("copy_s_per_mb", 0.008, "s/MB", "processor time of the bytes that a node sends to the caller"),
     ("caller_mb_per_s", 1000, "MB/s", "rate at which the caller of earshot.ray.corpus receives and writes"),
     ("shared_mb_per_s", 20000, "MB/s", "rate of a shared file system over all nodes"),
     ("queue_s", 5, "s", "time for a launcher or Ray to start all processes"),
@@ -65,6 +66,7 @@ def corpus_s(cores: int, i: Any, way: str) -> float:
     """Seconds of a corpus: the parts in rounds, or the slowest disk if that takes longer.  way: one, array, ray, ray_shared."""
     parts = math.ceil(i.responses / i.responses_per_part)
     part = i.part_start_s + i.response_s * i.responses / parts + (i.task_s if way.startswith("ray") else 0)
+    part += i.copy_s_per_mb * i.response_mb * i.responses / parts if way == "ray" else 0
     disk = i.caller_mb_per_s if way in ("one", "ray") else i.shared_mb_per_s
     if way == "one":  # threads share the rooms of all parts
         return max(i.responses * i.response_s / cores, i.responses * i.response_mb / disk)

@@ -4,8 +4,8 @@
 
     PYTHONPATH=build/release/python_package EARSHOT_PROGRAM=$PWD/build/release/earshot VENV/bin/python scripts/ray_overhead.py
 
-VENV has ray[data,tune] and gymnasium.  Processor time counts all processes: the nodes, their workers, the program and the caller.  It
-includes what Ray does meanwhile on its own, but not the start of the cluster.  Both ways take turns; the medians are compared.  With two
+VENV has ray[data,tune] and gymnasium.  Processor time counts all processes: the nodes, their workers, the program and the caller, but
+not the start of the cluster.  Both ways take turns; the medians are compared.  With two
 idle cores the wall times are comparable as well.
 """
 
@@ -46,11 +46,16 @@ def cost(work: Callable[[], object]) -> tuple[float, float]:
     return processor_s() - begin, time.monotonic() - wall
 
 
-def compare(name: str, one: Callable[[], object], parts: Callable[[], object], rounds: int) -> None:
+def compare(name: str, one: Callable[[], object], parts: Callable[[], object], rounds: int, idle: float) -> None:
+    """idle: processor time that the cluster takes in a second without work, of which a loaded machine shows more than an idle one."""
     times = [(cost(one), cost(parts)) for _ in range(rounds)]
-    for i, kind in enumerate(("processor time", "wall time")):
-        alone, spread = (statistics.median(pair[way][i] for pair in times) for way in (0, 1))
-        ratios = [pair[1][i] / pair[0][i] - 1 for pair in times]
+    for kind, value in (
+        ("processor time", lambda processor, wall: processor),
+        ("processor time less that of the idle cluster", lambda processor, wall: processor - idle * wall),
+        ("wall time", lambda processor, wall: wall),
+    ):
+        alone, spread = (statistics.median(value(*pair[way]) for pair in times) for way in (0, 1))
+        ratios = [value(*pair[1]) / value(*pair[0]) - 1 for pair in times]
         print(
             f"{name}: {kind} {alone:.2f} s in one process, {spread:.2f} s with Ray: {100 * (spread / alone - 1):+.1f} % "
             f"(rounds {100 * min(ratios):+.1f} to {100 * max(ratios):+.1f} %)",
@@ -73,10 +78,13 @@ def main() -> None:
     os.environ.setdefault("RAY_worker_niceness", "0")  # as the one process
     program = os.environ["EARSHOT_PROGRAM"]
     root = Path(__file__).resolve().parent.parent
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    cluster.add_node(num_cpus=1)
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "object_store_memory": 1_000_000_000, "include_dashboard": False})
+    cluster.add_node(num_cpus=1, object_store_memory=1_000_000_000)
     ray.init(address=cluster.address, log_to_driver=False)
     ray.get([ray.remote(lambda: __import__("earshot.ray")).options(scheduling_strategy="SPREAD").remote() for _ in range(4)])  # warm workers
+    processor, wall = cost(lambda: time.sleep(20))
+    idle = processor / wall
+    print(f"idle cluster: {1000 * idle:.0f} ms of processor time per second", flush=True)
     with tempfile.TemporaryDirectory(prefix="earshot-overhead-") as folder:
         os.chdir(folder)
         corpus = [str(root / "configs/datasets/rir.yaml"), "--set", f"shoeboxes.count={args.rooms}", "--set", "scenes=[]"]
@@ -89,7 +97,7 @@ def main() -> None:
             shutil.rmtree("parts", ignore_errors=True)
             earshot.ray.corpus("rir", corpus, out="parts", shared=args.shared, progress=False)
 
-        compare(f"corpus of {100 * args.rooms} responses", one_corpus, ray_corpus, args.rounds)
+        compare(f"corpus of {100 * args.rooms} responses", one_corpus, ray_corpus, args.rounds, idle)
         same = subprocess.run(["diff", "-r", "one", "parts"], check=False).returncode == 0
         print("equal byte for byte" if same else "NOT EQUAL")
         if not args.no_evaluation:
@@ -106,7 +114,7 @@ def main() -> None:
             def ray_evaluation() -> None:
                 earshot.ray.evaluate(agent[0], agent[1:], out="parts.json", progress=False)
 
-            compare("evaluation", one_evaluation, ray_evaluation, args.rounds)
+            compare("evaluation", one_evaluation, ray_evaluation, args.rounds, idle)
             print("equal byte for byte" if Path("one.json").read_bytes() == Path("parts.json").read_bytes() else "NOT EQUAL")
     ray.shutdown()
     cluster.shutdown()

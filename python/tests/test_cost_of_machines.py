@@ -42,7 +42,7 @@ def test_every_input_is_named_on_the_page(model: Any) -> None:
     for text in (
         f"{1000 * defaults['response_s']:g} ms of processor time, {1000 * defaults['response_mb']:g} kB",
         f"{defaults['part_start_s']:g} s",
-        f"{defaults['task_s']:g} s of processor time",
+        f"{defaults['task_s']:g} s of processor time; {defaults['copy_s_per_mb']:g} s per MB",
         f"{1000 * defaults['step_s']:g} ms",
         f"{defaults['rollout_s']:g} +- {defaults['rollout_s'] * defaults['rollout_spread']:g} s, {defaults['learn_s']:g} s",
         f"{defaults['sums']:g} of {defaults['sum_mb']:g} MB, {defaults['link_gbit_per_s']:g} Gbit/s and {1000 * defaults['link_s']:g} ms",

@@ -221,10 +221,61 @@ def test_a_sweep_gives_the_runs_of_the_command(cluster: Any, here: Path) -> None
 
 
 def curve(folder: Path) -> list[dict[str, float]]:
-    """Without times."""
+    """Without times, and without what caches held: a run that goes on from a checkpoint fills them anew."""
     lines = (folder / "events.jsonl").read_text().splitlines()
     points = [json.loads(line)["values"] for line in lines]
-    return [{name: value for name, value in point.items() if not name.startswith(("time/", "workers/", "fields/"))} for point in points]
+    return [
+        {name: value for name, value in point.items() if not name.startswith(("time/", "workers/", "fields/", "hearing/cached"))}
+        for point in points
+    ]
+
+
+@needs_program
+def test_evaluations_and_sweeps_outlive_a_killed_node(cluster: Any, here: Path) -> None:
+    """Three works of one core on three nodes, one of which is killed while all are under way."""
+    import earshot.ray
+
+    keys = ["env.task.max_steps=400", "data.eval.episodes_per_scene=60", "data.eval.file=slow.json.gz", "data.train.file=other.json.gz"]
+    slow = ["--config", "tiny.yaml", *(text for key in keys for text in ("--set", key))]
+    run("dataset", "episodes", "--config", "tiny.yaml")
+    run("dataset", "episodes", *slow)
+    run("eval", "random", *slow, "--out", "one.json")
+    for out in ("one", "trials"):
+        text = f"config: tiny.yaml\nname: tiny\nout: {out}\nseeds: [1, 2, 3]\nset: [total_steps=800]\nruns: {{base: []}}\n"
+        (here / f"{out}.yaml").write_text(text)
+    run("sweep", "one.yaml")
+    (here / "scratch").mkdir()
+    scratch = str(here / "scratch")
+    works: list[tuple[Callable[[], Any], Callable[[str], bool]]] = [
+        (
+            lambda: earshot.ray.evaluate("random", slow, out="parts.json", parts=3, scratch=scratch, progress=False),
+            lambda name: bool(glob.glob(f"scratch/earshot-{name}-eval-*")),
+        ),
+        (lambda: earshot.ray.sweep("trials.yaml"), lambda _: len(glob.glob("trials/base/seed_*/checkpoints/*.ckpt")) >= 3),
+    ]
+    for work, is_begun in works:
+        doomed = cluster.add_node(num_cpus=1, object_store_memory=200_000_000)
+        cluster.wait_for_nodes()
+        failure: list[BaseException] = []
+
+        def guarded_work(work: Callable[[], Any] = work, failure: list[BaseException] = failure) -> None:
+            try:
+                work()
+            except BaseException as error:
+                failure.append(error)
+
+        thread = threading.Thread(target=guarded_work)
+        thread.start()
+        while not is_begun(doomed.node_id[:8]) and thread.is_alive():
+            time.sleep(0.02)
+        assert thread.is_alive()
+        cluster.remove_node(doomed, allow_graceful=False)
+        thread.join(400)
+        assert not failure
+        assert not thread.is_alive()
+    assert (here / "parts.json").read_bytes() == (here / "one.json").read_bytes()
+    for seed in (1, 2, 3):
+        assert curve(here / f"trials/base/seed_{seed}") == curve(here / f"one/base/seed_{seed}")
 
 
 @needs_program

@@ -15,7 +15,7 @@ from ray import tune
 
 from .._engine import InputError, RunError
 from .._program import find_program, run_program, text_arguments
-from ..integrations.runs import _Curve
+from ..integrations.runs import LEASE_S, _Curve, is_under_way
 from ._tasks import RETRIES, require_positive, require_room, start
 
 Trainable = Callable[[Mapping[str, Any]], None]
@@ -42,6 +42,9 @@ class _Reports:
 
 
 def _run_and_report(command: Sequence[str], cwd: str, folder: Path, environment: Mapping[str, str]) -> str:
+    end = time.monotonic() + 2 * LEASE_S
+    while is_under_way(folder) and time.monotonic() < end:  # the run of a node that was lost: its lock ends with its lease
+        time.sleep(0.5)
     reports = _Reports(folder)
     said = run_program(command, cwd=cwd, environment=environment, ends_with=signal.SIGTERM, poll=reports.send, poll_s=0.5)
     reports.send()
