@@ -32,7 +32,7 @@ SPOKEN = (
     "the train to the city stops here every hour",
     "she put the old clock back on the kitchen shelf",
     "we walked along the river until it was dark",
-    "nobody heard the phone ring in the garden",
+    "no one heard the phone ring in the garden",
     "he paid for two cups of coffee and a small cake",
     "the children built a tall house of paper and wood",
     "turn left at the church and follow the narrow road",

@@ -33,8 +33,8 @@ class MeasuredRoomFiles : public Cli {
       const glm::dvec3 source = place_in_box(stream, index, size_m), listener = place_in_box(stream, index + 1, size_m);
       const std::string name = fmt::format("r{}.wav", i), from = text(source), to = text(listener);
       const CliOutcome outcome =
-          earshot("rir " + scene + " --channels mono --preset balanced --set rir_length_s=1 --seed " + std::to_string(900 + i) + " --source " +
-                  from + " --listener " + to + " " + options + " --out " + file(folder + "/" + name));
+          earshot("rir " + scene + " --channels mono --preset balanced --set rir_length_s=1 --seed " + std::to_string(900 + i) +
+                  " --source " + from + " --listener " + to + " " + options + " --out " + file(folder + "/" + name));
       ASSERT_EQ(outcome.exit_code, 0) << outcome.errors;
       places += fmt::format("  - {{file: {}, source: [{}], listener: [{}]}}\n", name, from, to);
     }

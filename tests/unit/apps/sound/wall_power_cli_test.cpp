@@ -11,8 +11,8 @@
 #include <string>
 
 #include "sim/base/random.h"
-#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/edge_power.h"
+#include "tests/support/draws.h"
 #include "tests/support/files/drawn_room.h"
 #include "tests/support/programs/rir_cli.h"
 

@@ -8,9 +8,9 @@
 #include <span>
 
 #include "sim/acoustics/model/acoustic_scene.h"
-#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/edge_power.h"
 #include "tests/support/acoustics/rooms.h"
+#include "tests/support/draws.h"
 
 namespace earshot {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
-#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/rooms.h"
+#include "tests/support/draws.h"
 
 namespace earshot {
 namespace {

@@ -11,8 +11,8 @@
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/acoustics/source_field/source_field.h"
 #include "sim/scene/materials/wall_impedance.h"
-#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/rooms.h"
+#include "tests/support/draws.h"
 
 namespace earshot {
 namespace {

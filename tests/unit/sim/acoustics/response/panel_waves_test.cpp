@@ -12,8 +12,8 @@
 #include "sim/acoustics/paths/panel_reflection.h"
 #include "sim/acoustics/response/energy_response.h"
 #include "sim/scene/materials/wall_impedance.h"
-#include "tests/support/acoustics/draws.h"
 #include "tests/support/acoustics/rooms.h"
+#include "tests/support/draws.h"
 
 namespace earshot::panel_waves {
 namespace {
