@@ -165,20 +165,12 @@ class RecordingCorpusConfig(Section):
     min_distance_m: float = 0.5
     #: Longest distance from source to listener. Range: above 0.
     max_distance_m: float = 1000.0
-    #: Largest difference in height between source and listener. Range: above 0.
-    max_height_difference_m: float = 1000.0
     #: Directional patterns, one drawn for each source, which faces anywhere. Range: a directional pattern.
     source_patterns: list[str] = dataclasses.field(default_factory=lambda: ["omni"])
     #: Pitch of listeners; headings are anywhere. Range: least and largest, -90 to 90.
     pitch_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Roll of listeners. Range: least and largest, -180 to 180.
     roll_deg: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
-    #: Reverberation times (t20_mid_s): rooms are drawn again until each tenth of the range comes equally often. [0, 0]: as the
-    #: rooms. Range: least and largest, 0 to 100.
-    rt60_s: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
-    #: Direct-to-reverberant ratios: listeners are drawn again in the same way. [0, 0]: as the places. Range: least and largest,
-    #: -100 to 100.
-    drr_db: list[float] = dataclasses.field(default_factory=lambda: [0.0, 0.0])
     #: Channels: mono[:PATTERN], stereo[:xy|:ms|:ab|:ortf], binaural, quad, surround_5_1, surround_7_1,
     #: ambisonic:ORDER[:n3d|:sn3d][:world|:ego] or array:FILE. Range: channels as of earshot rir.
     channels: str = "binaural"
@@ -186,8 +178,6 @@ class RecordingCorpusConfig(Section):
     hrtf: str = ""
     #: Format of sound files: 32-bit WAV, or FLAC of at most 8 channels.
     format: FlacWav = "wav"
-    #: Standard errors of t20_s in the manifest. Costs at least one more trace per response, nothing with a field.
-    stated_errors: bool = False
     #: Rooms in each folder of the corpus. Range: 1 to 10,000.
     rooms_per_folder: int = 10
     #: Simulation of responses: a preset, and keys over it.

@@ -4,7 +4,19 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/acoustics/core/acoustic_config.h"
+
 namespace earshot {
+
+inline double power_db(double ratio) { return 10.0 * std::log10(ratio); }
+
+/// The factor of walls near a source, in all bands of the default.
+inline AcousticConfig wall_power_config() {
+  AcousticConfig config;
+  config.wall_power = Switch::on;
+  config.rir_length_s = 0.2f;
+  return config;
+}
 
 /// Power beside an edge of two rigid half planes, the angle of the air between them, over that in the free field; the mean over a band and
 /// over all directions of plane waves of the squared pressure, by the series of Bessel functions (Macdonald 1902).  around: angle from the

@@ -17,20 +17,10 @@ namespace {
 
 using rooms::point;
 
-constexpr std::uint64_t kSeed = 3801;  // of what is drawn
-constexpr double kPi = std::numbers::pi;
-
-double db(double ratio) { return 10.0 * std::log10(ratio); }
-
-AcousticConfig all_bands() {
-  AcousticConfig config;
-  config.wall_power = Switch::on;
-  config.rir_length_s = 0.2f;
-  return config;
-}
+constexpr std::uint64_t kPlateSeed = 3801;  // of what is drawn
 
 AcousticScene rigid(TriangleMesh mesh) {
-  return AcousticScene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), all_bands());
+  return AcousticScene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), wall_power_config());
 }
 
 /// A plate and a place: width, depth or height; the place along both sides and off it; power over that in the free field, octave of 125 Hz.
@@ -104,9 +94,9 @@ TEST(WallPowerPlates, PlatesInTheAirAreThoseOfBoundaryElements) {
     const double x = place.width_m / 2, y = place.other_m / 2;
     rooms::append_quad(mesh, {point(-x, -y, 0), point(x, -y, 0), point(x, y, 0), point(-x, y, 0)}, 0);
     const double gain = rigid(std::move(mesh)).wall_gain(point(place.along_m, place.across_m, place.off_m)).energy[0];
-    errors.add(db(gain) - db(place.power));
-    of_none.add(db(place.power));
-    EXPECT_NEAR(db(gain), db(place.power), 0.8) << place.width_m << " x " << place.other_m << ", " << place.off_m << " m off";
+    errors.add(power_db(gain) - power_db(place.power));
+    of_none.add(power_db(place.power));
+    EXPECT_NEAR(power_db(gain), power_db(place.power), 0.8) << place.width_m << " x " << place.other_m << ", " << place.off_m << " m off";
   }
   std::printf("plates: %.3f dB, worst %.2f dB; unity: %.3f dB\n", errors.root_db(), errors.worst_db, of_none.root_db());
   EXPECT_LT(errors.root_db(), 0.3);
@@ -121,8 +111,8 @@ TEST(WallPowerPlates, PlatesThatStandOnAFloorAreThoseOfBoundaryElements) {
     rooms::append_quad(mesh, {point(-50, -50, 0), point(50, -50, 0), point(50, 50, 0), point(-50, 50, 0)}, 0);
     rooms::append_quad(mesh, {point(-x, 0, 0), point(x, 0, 0), point(x, 0, place.other_m), point(-x, 0, place.other_m)}, 0);
     const double gain = rigid(std::move(mesh)).wall_gain(point(place.along_m, place.off_m, place.across_m)).energy[0];
-    errors.add(db(gain) - db(place.power));
-    EXPECT_NEAR(db(gain), db(place.power), 1.2) << place.width_m << " x " << place.other_m << ", " << place.across_m << " m up";
+    errors.add(power_db(gain) - power_db(place.power));
+    EXPECT_NEAR(power_db(gain), power_db(place.power), 1.2) << place.width_m << " x " << place.other_m << ", " << place.across_m << " m up";
   }
   std::printf("standing plates: %.3f dB, worst %.2f dB\n", errors.root_db(), errors.worst_db);
   EXPECT_LT(errors.root_db(), 0.5);
@@ -139,18 +129,18 @@ TEST(WallPowerPlates, EdgesOfSheetsAndSolidsAreThoseOfTheirSeries) {
   const AcousticScene solid = rigid(std::move(body));
   double gone = 0;
   for (std::uint32_t number = 0; number < 24; ++number) {
-    Draws draw(kSeed, number);
+    Draws draw(kPlateSeed, number);
     const bool is_solid = number % 2 == 1;
-    const double r = std::pow(10.0, draw.within(-1.3, 0.3)), around = number < 2 ? 0.1 : draw.within(0.02, 0.48) * kPi;
+    const double r = std::pow(10.0, draw.within(-1.3, 0.3)), around = number < 2 ? 0.1 : draw.within(0.02, 0.48) * std::numbers::pi;
     const AcousticScene& scene = is_solid ? solid : sheet;
     const WallGain gain = scene.wall_gain(point(r * std::cos(around), 0.3, r * std::sin(around)));
     for (std::size_t band = 0; band < 2; ++band) {
       const double wanted = edge_power(scene.bands().edge_hz[band], scene.bands().edge_hz[band + 1], rooms::kSpeedMPerS,
-                                       (is_solid ? 1.5 : 2.0) * kPi, r, around);
-      EXPECT_NEAR(db(gain.energy[band]), db(wanted), 0.25)
+                                       (is_solid ? 1.5 : 2.0) * std::numbers::pi, r, around);
+      EXPECT_NEAR(power_db(gain.energy[band]), power_db(wanted), 0.25)
           << (is_solid ? "solid " : "sheet ") << r << " m, " << around << ", band " << band;
-      const double k = 2 * kPi * scene.bands().centre_hz[band] / rooms::kSpeedMPerS, y = 2 * k * r * std::sin(around);
-      gone = std::max(gone, db((1 + std::sin(y) / y) / wanted));
+      const double k = 2 * std::numbers::pi * scene.bands().centre_hz[band] / rooms::kSpeedMPerS, y = 2 * k * r * std::sin(around);
+      gone = std::max(gone, power_db((1 + std::sin(y) / y) / wanted));
     }
   }
   EXPECT_GT(gone, 1.5) << "no place was near an edge";
@@ -159,7 +149,7 @@ TEST(WallPowerPlates, EdgesOfSheetsAndSolidsAreThoseOfTheirSeries) {
 // What lies in the same plane elsewhere adds nothing: bit for bit.
 TEST(WallPowerPlates, PiecesOfOnePlaneCountApart) {
   for (std::uint32_t number = 0; number < 10; ++number) {
-    Draws draw(kSeed, 100 + number);
+    Draws draw(kPlateSeed, 100 + number);
     const double width = draw.within(0.3, 1.5), height = draw.within(0.3, 1.5);
     const auto fronts = [&](int count) {
       TriangleMesh mesh;

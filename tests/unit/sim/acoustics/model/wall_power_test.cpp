@@ -11,6 +11,7 @@
 
 #include "sim/acoustics/model/acoustic_scene.h"
 #include "sim/acoustics/response/energy_response.h"
+#include "tests/support/acoustics/edge_power.h"
 #include "tests/support/acoustics/rooms.h"
 #include "tests/support/draws.h"
 
@@ -23,8 +24,6 @@ using rooms::point;
 
 constexpr double kHalfTurn = std::numbers::pi;
 
-double db(double ratio) { return 10.0 * std::log10(ratio); }
-
 double sinc(double x) { return std::abs(x) < 1e-6 ? 1.0 : std::sin(x) / x; }
 
 /// Mean of f over the frequencies of a band, by the midpoints of `count` parts.
@@ -34,13 +33,6 @@ double band_mean(const BandLayout& bands, int band, int count, const F& f) {
   double sum = 0;
   for (int i = 0; i < count; ++i) sum += f(2.0 * kHalfTurn * (low + (i + 0.5) / count * (high - low)) / rooms::kSpeedMPerS) / count;
   return sum;
-}
-
-AcousticConfig all_bands() {
-  AcousticConfig config;
-  config.wall_power = Switch::on;
-  config.rir_length_s = 0.2f;
-  return config;
 }
 
 TEST(WallPower, TheMeanOfABandIsThatOfManyFrequencies) {
@@ -60,7 +52,7 @@ TEST(WallPower, TheMeanOfABandIsThatOfManyFrequencies) {
 // out.
 TEST(WallPower, OverARigidFloorItIsTheClosedForm) {
   const auto floor = rooms::half_space(0.0, 0.0);
-  const AcousticScene scene(floor, all_bands());
+  const AcousticScene scene(floor, wall_power_config());
   for (std::uint32_t number = 0; number < 12; ++number) {
     const double h = number == 0 ? 0.0 : std::pow(10.0, Draws(kSeed, number).within(-2.5, 0.4));
     const WallGain gain = scene.wall_gain(point(0.3, -0.2, h));
@@ -110,11 +102,11 @@ TEST(WallPower, WallsEdgesAndCornersSendThePowerOfTheirFarField) {
       r.push_back(std::sqrt(1 - static_cast<double>(static_cast<float>(absorption))));
       at[static_cast<int>(i)] = h.back();
     }
-    const AcousticScene scene(rooms::box(12, 11, 10, materials), all_bands());
+    const AcousticScene scene(rooms::box(12, 11, 10, materials), wall_power_config());
     const WallGain gain = scene.wall_gain(point(at.x, at.y, at.z));
     for (int band = 0; band < 4; ++band) {
       const double expected = band_mean(scene.bands(), band, 40, [&](double k) { return far_field_ratio(h, r, k); });
-      EXPECT_NEAR(db(gain.energy[static_cast<std::size_t>(band)]), db(expected), 0.05) << number << ", band " << band;
+      EXPECT_NEAR(power_db(gain.energy[static_cast<std::size_t>(band)]), power_db(expected), 0.05) << number << ", band " << band;
     }
   }
 }
@@ -151,7 +143,7 @@ TEST(WallPower, InARigidRoomItIsThePowerIntoItsModes) {
       glm::dvec3 at = size * glm::dvec3(of_room.within(0.35, 0.65), of_room.within(0.35, 0.65), of_room.within(0.4, 0.6));
       for (std::size_t axis = 0; axis < h.size(); ++axis)
         at[static_cast<int>(axis)] = of_room.within(0, 1) < 0.5 ? h[axis] : size[static_cast<int>(axis)] - h[axis];
-      const AcousticScene scene(rooms::box(size.x, size.y, size.z, rooms::uniform_walls(0, 0)), all_bands());
+      const AcousticScene scene(rooms::box(size.x, size.y, size.z, rooms::uniform_walls(0, 0)), wall_power_config());
       const WallGain gain = scene.wall_gain(point(at.x, at.y, at.z));
       for (std::size_t band = 0; band < 2; ++band) {
         modes[band] += modal_ratio(size, at, scene.bands().edge_hz[band], scene.bands().edge_hz[band + 1]) / rooms_drawn;
@@ -161,7 +153,8 @@ TEST(WallPower, InARigidRoomItIsThePowerIntoItsModes) {
         EXPECT_NEAR(gain.energy[0], 8.0, 0.15);  // 3 cm from a corner
       }
     }
-    for (std::size_t band = 0; band < 2; ++band) EXPECT_NEAR(db(found[band]), db(modes[band]), 0.25) << number << ", band " << band;
+    for (std::size_t band = 0; band < 2; ++band)
+      EXPECT_NEAR(power_db(found[band]), power_db(modes[band]), 0.25) << number << ", band " << band;
   }
 }
 
@@ -210,16 +203,16 @@ TEST(WallPower, TheLateFieldOfImagePressuresHasTheFactorOfBothEnds) {
       for (int axis = 0; axis < near; ++axis) from[axis] = draw.within(0.02, 0.25);
       const glm::dvec3 to = size * glm::dvec3(draw.within(0.02, 0.98), draw.within(0.02, 0.98), draw.within(0.05, 0.95));
       const double absorption = draw.within(0.05, 0.3);
-      const AcousticScene scene(rooms::box(size.x, size.y, size.z, rooms::uniform_walls(absorption, 0)), all_bands());
+      const AcousticScene scene(rooms::box(size.x, size.y, size.z, rooms::uniform_walls(absorption, 0)), wall_power_config());
       const WallGain gain = scene.wall_gain(point(from.x, from.y, from.z)) * scene.wall_gain(point(to.x, to.y, to.z));
       const auto [with, without] =
           image_energies(size, from, to, std::sqrt(1 - absorption), scene.bands().edge_hz[1], scene.bands().edge_hz[2]);
       together += with / without;
       expected += gain.energy[1];
     }
-    EXPECT_NEAR(db(together), db(expected), 1.2) << near << " walls";
-    whole_together += db(together) / 4;
-    whole_expected += db(expected) / 4;
+    EXPECT_NEAR(power_db(together), power_db(expected), 1.2) << near << " walls";
+    whole_together += power_db(together) / 4;
+    whole_expected += power_db(expected) / 4;
   }
   EXPECT_NEAR(whole_together, whole_expected, 0.6);
 }
@@ -232,7 +225,7 @@ TEST(WallPower, AnEdgeOfAnyAngleHasTheFreePartOfSpace) {
     const double x = 20 * std::cos(angle), z = 20 * std::sin(angle);
     rooms::append_quad(mesh, {point(0, -20, 0), point(20, -20, 0), point(20, 20, 0), point(0, 20, 0)}, 0);
     rooms::append_quad(mesh, {point(0, -20, 0), point(x, -20, z), point(x, 20, z), point(0, 20, 0)}, 0);
-    const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), all_bands());
+    const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), wall_power_config());
     const WallGain gain = scene.wall_gain(point(0.02 * std::cos(angle / 2), 0.1, 0.02 * std::sin(angle / 2)));
     EXPECT_NEAR(gain.energy[0], 2 * kHalfTurn / angle, 0.03 * 2 * kHalfTurn / angle) << angle;
   }
@@ -244,7 +237,7 @@ TEST(WallPower, APanelGrowsFromNothingToAWall) {
     TriangleMesh mesh;
     const double e = edge_m / 2;
     rooms::append_quad(mesh, {point(-e, -e, 0), point(e, -e, 0), point(e, e, 0), point(-e, e, 0)}, 0);
-    const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), all_bands());
+    const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), wall_power_config());
     const double gain = scene.wall_gain(point(0, 0, 0.02)).energy[0];
     EXPECT_GE(gain, before - 1e-6) << edge_m;
     before = gain;
@@ -259,9 +252,9 @@ TEST(WallPower, WallsBehindOthersPlayNoPart) {
   // A closet of 1.5 m in a hall: within it the hall's floor counts, its walls do not; outside the closet's walls count from outside.
   TriangleMesh mesh;
   rooms::append_box(mesh, {0, 0, 0}, {20, 20, 10}, 0);
-  const AcousticScene hall(rooms::scene_of(mesh, {Material::uniform("rigid", 0.f, 0.f)}), all_bands());
+  const AcousticScene hall(rooms::scene_of(mesh, {Material::uniform("rigid", 0.f, 0.f)}), wall_power_config());
   rooms::append_quad(mesh, {point(0.3, 0, 0), point(0.3, 20, 0), point(0.3, 20, 10), point(0.3, 0, 10)}, 0);
-  const AcousticScene divided(rooms::scene_of(mesh, {Material::uniform("rigid", 0.f, 0.f)}), all_bands());
+  const AcousticScene divided(rooms::scene_of(mesh, {Material::uniform("rigid", 0.f, 0.f)}), wall_power_config());
   const glm::vec3 at = point(0.5, 9, 5);
   EXPECT_NEAR(hall.wall_gain(at).energy[0], band_mean(hall.bands(), 0, 500, [](double k) { return 1 + sinc(k); }), 2e-3);
   EXPECT_NEAR(divided.wall_gain(at).energy[0], band_mean(hall.bands(), 0, 500, [](double k) { return 1 + sinc(0.4 * k); }), 2e-3);
@@ -305,7 +298,7 @@ TEST(WallPower, LateSoundHasTheFactorOfBothEndsAndOfEitherDirection) {
     for (int band = 0; band < on.num_bands(); ++band) {
       const double factor = expected.energy[static_cast<std::size_t>(band)];
       EXPECT_NEAR(late_energy(with, band) / late_energy(without, band), factor, 1e-4 * factor);
-      EXPECT_NEAR(db(late_energy(by_default, band)), db(late_energy(with, band)), 0.2 + 1e-3);  // 0.1 dB at either end
+      EXPECT_NEAR(power_db(late_energy(by_default, band)), power_db(late_energy(with, band)), 0.2 + 1e-3);  // 0.1 dB at either end
     }
     EXPECT_EQ(with.arrivals.size(), without.arrivals.size());
   }

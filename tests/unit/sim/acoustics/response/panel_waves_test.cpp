@@ -231,7 +231,7 @@ TEST(PanelWaves, SmallerPanelsKeepWhatTheyReflect) {
 // reflect nothing of it.  All else absorbs.
 TEST(PanelWaves, PanelsThatCandidateRaysMissAreCountedOnce) {
   for (std::uint32_t number = 160; number < 160 + kDraws; ++number) {
-    Draws draw(number);
+    Draws draw(kSeed, number);
     Place place(draw, -0.5, -0.1);  // the image is in sight
     for (int i = 0; i < 2100; ++i) {
       const double angle = 0.7 * i, slope = 1e-3 * i;
