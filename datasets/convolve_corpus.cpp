@@ -231,6 +231,7 @@ void validate(const ConvolveConfig& config) {
 ConvolveReport write_convolve_corpus(const ConvolveConfig& config, const CorpusRun& run) {
   validate(config);
   validate(run);
+  if (config.measured) require_outside(run.out, config.corpus, "CORPUS");
   const ResponseIndex index = config.measured ? ResponseIndex::of_measured(config.corpus) : ResponseIndex(config.corpus);
   std::optional<WishedResponses> wished;
   if (!config.wished.is_empty()) wished.emplace(index, config.wished);

@@ -34,7 +34,7 @@ python3 -c 'import sysconfig, os, sys; sys.exit(not os.path.exists(os.path.join(
   skip "python3-dev is missing (scripts/setup.sh)"
 [ -x "$tests/bin/python" ] || python3 -m venv "$tests"
 if ! answer=$("$tests/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 -c python/tests/tested_versions.txt \
-  nanobind gymnasium hydra-core matplotlib omegaconf onnx onnxruntime pettingzoo pytest hypothesis mypy ruff xxhash pygame opencv-python-headless moviepy array-api-compat networkx pyarrow scipy 2>&1); then
+  nanobind gymnasium hydra-core matplotlib omegaconf onnx onnxruntime pettingzoo pytest hypothesis mypy ruff xxhash pygame opencv-python-headless moviepy array-api-compat networkx pyarrow scipy soundfile 2>&1); then
   echo "$answer" >&2
   # A full disk, a broken environment, or an index that answers but lacks a version is a failure.
   index_is_out_of_reach "$answer" || exit 1
@@ -59,4 +59,5 @@ else
 fi
 # From another folder, so that the sources are not what is imported.
 cd "$tests"
-bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$@"
+PYTHONPATH=${PYTHONPATH:+$PYTHONPATH:}$root/python/earshot_asr \
+  bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$root/python/earshot_asr/tests" "$@"

@@ -228,6 +228,8 @@ std::optional<CorpusShard> shard_of(const EvalArguments& options) {
     throw InputError(options.shard.empty() ? "--parts" : "--shard", "needs the other of --shard K/N and --parts FOLDER", "give both");
   if (options.shard.empty()) return std::nullopt;
   if (options.workers > 1) throw InputError("--shard", "cannot be combined with --workers", "leave one of both out");
+  if (!options.benchmark.empty())  // whoever writes the whole has not seen all of it run
+    throw InputError("--shard", "cannot be combined with --benchmark", "use --workers on one machine");
   return CorpusShard::parse(options.shard);
 }
 
@@ -284,11 +286,13 @@ int run_eval(const EvalArguments& options, const std::vector<std::string>& argum
   if (options.workers > 1) static_cast<void>(temporary_parent());  // what is wrong with it is said before the work
   Plan plan = plan_of(options, nullptr);
   check_outputs_of_eval(options, plan);
-  const auto locks = lock_written_runs(options);
+  std::vector<std::shared_ptr<RunLock>> locks;
+  if (!shard) locks = lock_written_runs(options);
   EvaluationResult result;
   if (shard) {
     std::optional<EvaluationResult> whole = evaluate_shard(plan, options, *shard);
     if (!whole) return 0;
+    locks = lock_written_runs(options);  // now: the other parts may run at the same time
     result = std::move(*whole);
   } else if (options.workers > 1) {
     refuse_stage_limit(plan, "--workers", "with --workers 1");
@@ -351,7 +355,7 @@ void add_eval(CLI::App& app, const std::vector<std::string>& arguments, int& exi
   command->add_option(
       "--shard", options->shard,
       "K/N: run only part K of N, for N machines, and leave its result in the folder of --parts. The process that finds all "
-      "parts there writes the whole: the bytes of one process");
+      "parts there writes the whole: the bytes of one process. Not with --workers, --benchmark or env.stage_limit_s");
   command->add_option("--parts", options->parts, "Folder for the parts of --shard; a part that is there is not run again")
       ->type_name(kOutputFolder);
   command->add_option(kPartFolderOption, options->part_folder)->group("");  // of the workers that --workers starts

@@ -293,11 +293,12 @@ void add_sweep(CLI::App& app, int& exit_code) {
       app.add_subcommand("sweep", "Train variants of a run config with several seeds each, and compare their learning curves");
   command->add_option("SWEEP", options->file, "Sweep file (YAML), for example configs/sweeps/learning_rate.yaml")->required();
   auto* report = command->add_flag("--report", options->report, "Do not train: print the table and curves of the finished runs");
-  command
-      ->add_option("--run", options->run,
-                   "NAME/seed_N: train and evaluate only this run, for sweeps over several machines; --report then writes the table")
-      ->excludes(report);
-  command->add_option("--json", options->json, "Also write the numbers to this JSON file")->type_name(kOutputFile);
+  auto* run =
+      command
+          ->add_option("--run", options->run,
+                       "NAME/seed_N: train and evaluate only this run, for sweeps over several machines; --report then writes the table")
+          ->excludes(report);
+  command->add_option("--json", options->json, "Also write the numbers to this JSON file")->type_name(kOutputFile)->excludes(run);
   command->footer(
       "Keys of SWEEP:\n"
       "  config     run config that all runs start from\n"

@@ -112,12 +112,12 @@ void run_fit(FitArguments options) {
       {"schema_version", 1}, {"scene", scene->name()}, {"measured", options.measured.measured}, {"seed", config.seed}};
   report.update(fit_json(fitted));
   report["before"] = means_json(before), report["fitted"] = means_json(after);
+  write_file_atomically(options.out, material_file(*scene, fitted, options.measured.measured));
   if (options.folds > 1) {
     const RoomComparison held_out = cross_validate(scene, config, room, options);
     fmt::print("held-out places:  {}\n", text_of(held_out));
     report["held_out"] = comparison_json(held_out);
   }
-  write_file_atomically(options.out, material_file(*scene, fitted, options.measured.measured));
   if (!options.json.empty()) write_file_atomically(options.json, json_text(report, 1) + "\n");
 }
 

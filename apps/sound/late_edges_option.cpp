@@ -22,8 +22,9 @@ void check_late_edges(const AcousticConfig& config) {
 void print_late_edges(const LateEdges& edges, std::span<const float> bands_hz) {
   const std::vector<double> change_db = edges.change_db();
   for (std::size_t b = 0; b < std::min(change_db.size(), bands_hz.size()); ++b)
-    fmt::print("  {:>6.0f} Hz  late sound round edges: at most {}\n", bands_hz[b],
-               std::isfinite(change_db[b]) ? fmt::format("{:.2f} dB more", change_db[b]) : "all there is");
+    fmt::print(
+        "  {:>6.0f} Hz  late sound round edges: {}\n", bands_hz[b],
+        std::isfinite(change_db[b]) ? fmt::format("{:.2f} dB more, loss of lit sides not subtracted", change_db[b]) : "all there is");
 }
 
 void add_late_edges(const LateEdges& edges, OrderedJson& json) {

@@ -390,7 +390,7 @@ void add_rir(CLI::App& app) {
       "--components", options->components,
       "Also write OUT.direct.wav, OUT.early.wav, OUT.diffracted.wav, OUT.transmitted.wav and OUT.late.wav, whose sum is the response");
   command->add_flag("--late-edges", options->late_edges,
-                    "Also print per band how much late sound goes round edges, which traced rays do not: an upper estimate, 0.1 to 0.5 s");
+                    "Also print per band how much late sound goes round edges, which traced rays do not: an estimate, 0.1 to 0.5 s");
   command->callback([options] { run_rir(*options); });
 }
 

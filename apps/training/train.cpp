@@ -103,9 +103,7 @@ std::unique_ptr<Collective> meet(const RingConfig& ring, bool joins, bool elasti
   } catch (const UnknownHost& error) {  // a pod that has not been placed yet has no name
     if (elastic) throw WorldLost("rendezvous", error.what());
     throw;
-  } catch (const WorldLost&) {
-    throw;
-  } catch (const RunError& error) {
+  } catch (const WorldIncomplete& error) {
     if (elastic) throw WorldLost("rendezvous", error.what());
     throw;
   }
@@ -146,6 +144,8 @@ int run_train(const TrainArguments& options, const std::vector<std::string>& arg
   if (options.elastic && (options.join || !options.resume.empty()))
     throw InputError("--elastic", options.join ? "starts workers together, and --join starts one alone" : "chooses the checkpoint itself",
                      options.join ? "give only one of them" : "leave out --resume");
+  if (options.elastic && options.overwrite)
+    throw InputError("--overwrite", "would delete the run at each restart of --elastic", "give only one of them");
   if (options.join && !is_worker)
     throw InputError("--join", "needs a launcher, and no launcher variables are set",
                      "set the environment variables of the lost worker (docs/howto/hosts.md, section 4)");

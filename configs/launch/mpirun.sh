@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Trains with Open MPI's mpirun, and starts the workers again when one is lost:
 #   configs/launch/mpirun.sh NUM_WORKERS CONFIG [key=value]...
-# The run continues from its last whole update (docs/howto/elastic.md).  NUM_WORKERS is a number, or a file that holds the number
-# and is read at each start.
+# The run continues from its last whole update, or above 64 workers and with network.collective=mpi from its last periodic checkpoint
+# (docs/howto/elastic.md).  NUM_WORKERS is a number, or a file that holds the number and is read at each start.
 # On several hosts (docs/howto/hosts.md) set
 #   EARSHOT_HOSTS       host:slots,host:slots as for `mpirun --host`, or a file that holds this; rank 0 runs on the first
 #   EARSHOT_RENDEZVOUS  tcp://FIRST HOST:PORT

@@ -26,16 +26,14 @@ constexpr double kLowest = 0.01, kHighest = 0.99;  ///< of coefficients
 constexpr double kPriorSpread = 1.5, kSearchSpread = 2.0, kDifference = 0.8, kLargestStep = 1.5;
 constexpr int kValuesPerPlace = 3;
 
+/// Not at the ends, where the slope vanishes and a prior would not be wide.
 double logit(double coefficient) {
-  const double x = std::clamp((coefficient - kLowest) / (kHighest - kLowest), 1e-3, 1 - 1e-3);
+  const double x = std::clamp((coefficient - kLowest) / (kHighest - kLowest), 0.05, 0.95);
   return std::log(x / (1 - x));
 }
 double coefficient_at(double u) { return kLowest + (kHighest - kLowest) / (1 + std::exp(-u)); }
-/// By how much the coefficient changes with u.
-double slope_at(double u) {
-  const double x = 1 / (1 + std::exp(-u));
-  return (kHighest - kLowest) * x * (1 - x);
-}
+/// Half of what the coefficient changes from u - spread to u + spread.
+double error_at(double u, double spread) { return 0.5 * (coefficient_at(u + spread) - coefficient_at(u - spread)); }
 
 /// Values of the search: [band][parameter], absorption of every material, then scattering.
 using Point = std::vector<std::vector<double>>;
@@ -166,9 +164,11 @@ class Fit {
       for (std::size_t b = 0; b < bands(); ++b) {
         const BandMetrics& simulated = metrics.bands[band_in(acoustics, b)];
         const OctaveTarget& target = targets_[place][b];
-        residuals[b].push_back(target.t20_s && simulated.t20_s ? std::log(*simulated.t20_s / *target.t20_s) / config_.t20_error : 0);
-        residuals[b].push_back(target.c50_db && simulated.c50_db ? (*simulated.c50_db - *target.c50_db) / config_.ratio_error_db : 0);
-        residuals[b].push_back(target.drr_db && simulated.drr_db ? (*simulated.drr_db - *target.drr_db) / config_.ratio_error_db : 0);
+        const std::optional<double> ln_t20 = simulated.t20_s ? std::optional(std::log(*simulated.t20_s)) : std::nullopt;
+        const std::optional<double> ln_target = target.t20_s ? std::optional(std::log(*target.t20_s)) : std::nullopt;
+        residuals[b].push_back(residual(ln_t20, ln_target, config_.t20_error, std::log(2.0)));
+        residuals[b].push_back(residual(simulated.c50_db, target.c50_db, config_.ratio_error_db, 10));
+        residuals[b].push_back(residual(simulated.drr_db, target.drr_db, config_.ratio_error_db, 10));
       }
     }
     ++fitted_.simulations;
@@ -182,10 +182,24 @@ class Fit {
                                     centres.begin());
   }
 
-  [[nodiscard]] static double misfit(const std::vector<double>& residuals) {
-    const auto compared = std::ranges::count_if(residuals, [](double r) { return r != 0; });
+  /// A simulation without the value counts as far off: it must not look like agreement.
+  [[nodiscard]] static double residual(const std::optional<double>& simulated, const std::optional<double>& target, double error,
+                                       double far_off) {
+    if (!target) return 0;
+    return (simulated ? *simulated - *target : far_off) / error;
+  }
+
+  /// Number of values of a band that are compared.
+  [[nodiscard]] double compared(std::size_t band) const {
+    double count = 0;
+    for (const std::vector<OctaveTarget>& place : targets_)
+      for (const auto& value : {place[band].t20_s, place[band].c50_db, place[band].drr_db}) count += value ? 1 : 0;
+    return count;
+  }
+
+  [[nodiscard]] double misfit(const std::vector<double>& residuals, std::size_t band) const {
     const double sum = std::inner_product(residuals.begin(), residuals.end(), residuals.begin(), 0.0);
-    return compared > 0 ? std::sqrt(sum / static_cast<double>(compared)) : 0;
+    return std::sqrt(sum / std::max(1.0, compared(band)));
   }
 
   /// The best of the scene's own coefficients and the points of a Latin hypercube about them, octave by octave.
@@ -206,7 +220,7 @@ class Fit {
       }
       const Residuals residuals = residuals_at(point);
       for (std::size_t b = 0; b < bands(); ++b) {
-        if (start == 0) fitted_.misfit_before.push_back(misfit(residuals[b]));
+        if (start == 0) fitted_.misfit_before.push_back(misfit(residuals[b], b));
         const double here = cost_of(residuals[b], point[b], prior_[b]);
         if (start > 0 && here >= cost[b]) continue;
         cost[b] = here, best[b] = point[b];
@@ -270,16 +284,21 @@ class Fit {
     const FittedRoom found = at(point);
     fitted_.materials = found.materials;
     for (std::size_t b = 0; b < bands(); ++b) {
-      fitted_.misfit_after.push_back(misfit(here[b]));
+      fitted_.misfit_after.push_back(misfit(here[b], b));
       const auto variances = equations(slopes[b], here[b], point[b], prior_[b]).variances();
-      // Differences beyond the stated errors of the data are the model's: the coefficients are known as much worse.
-      const double model = std::max(1.0, fitted_.misfit_after[b]);
+      // Differences beyond the stated errors of the data are the model's: the coefficients are known as much worse.  What the fit took for
+      // itself does not count as agreement.
+      double taken = static_cast<double>(parameters());
+      if (variances)
+        for (const double variance : *variances) taken -= variance / (kPriorSpread * kPriorSpread);
+      const double free = std::max(1.0, compared(b) - taken);
+      const double model = std::max(1.0, fitted_.misfit_after[b] * std::sqrt(std::max(1.0, compared(b)) / free));
       for (std::size_t p = 0; p < parameters(); ++p) {
         const bool is_scattering = p >= materials_.size();
         FittedMaterial& material = fitted_.materials[is_scattering ? p - materials_.size() : p];
         FittedCoefficient& coefficient = is_scattering ? material.scattering[b] : material.absorption[b];
         const double spread = variances ? std::min(kPriorSpread, model * std::sqrt((*variances)[p])) : kPriorSpread;
-        coefficient.standard_error = spread * slope_at(point[b][p]);
+        coefficient.standard_error = error_at(point[b][p], spread);
       }
     }
   }

@@ -55,9 +55,9 @@ struct OctaveTarget {
 /// (Levenberg 1944, Marquardt 1963) with differences over common random numbers.  Coefficients are searched on a logit scale inside [0.01,
 /// 0.99] with a wide prior about the scene's own values (Gaussian, 1.5 on that scale), so that what the responses do not determine stays
 /// where it was, and its standard error says so.  scattering of a material without any mirror part is fitted like any other.
-/// `chosen`: indices of the responses to fit to; empty: all.  Deterministic.  Cost: starts + rounds (1 + 2 materials) simulations of every
-/// place.  Throws InputError: a name that no material of the scene has, places that cannot be meant, no response with a T20, locally
-/// reacting materials (their absorption follows from an impedance).
+/// `chosen`: indices of the responses to fit to; empty: all.  Deterministic.  Cost: with P coefficients per octave starts + rounds (2 + P)
+/// + 1 + P simulations of every place.  Throws InputError: a name that no material of the scene has, places that cannot be meant, no
+/// response with a T20, locally reacting materials (their absorption follows from an impedance).
 FittedRoom fit_materials(const std::shared_ptr<const Scene>& scene, const AcousticConfig& acoustics, const MeasuredRoom& room,
                          const MaterialFitConfig& config, std::span<const std::size_t> chosen = {},
                          const std::function<void(std::size_t done, std::size_t total)>& progress = {});

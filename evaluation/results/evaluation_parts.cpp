@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 #include "sim/base/errors.h"
@@ -22,6 +23,17 @@ std::pair<std::string, std::string> first_difference(const std::string& there, c
   };
   const auto at = static_cast<std::size_t>(std::mismatch(there.begin(), there.end(), here.begin(), here.end()).first - there.begin());
   return {line_at(there, at), line_at(here, at)};
+}
+
+/// Writes the file unless another process has: of two evaluations that begin together the second finds the first.
+void leave_first(const std::filesystem::path& path, const std::string& text) {
+  const std::filesystem::path own = fmt::format("{}.{}", path.string(), hex64(hash64(text)));
+  write_file_atomically(own, text);
+  std::error_code no_link, ignored;
+  std::filesystem::create_hard_link(own, path, no_link);
+  std::filesystem::remove(own, ignored);
+  // A file system without links.
+  if (no_link && !std::filesystem::exists(path)) write_file_atomically(path, text);
 }
 
 }  // namespace
@@ -52,8 +64,7 @@ EvaluationParts::EvaluationParts(std::filesystem::path folder, int count, const 
   if (!std::filesystem::exists(path)) {
     if (std::filesystem::exists(folder_) && !std::filesystem::is_directory(folder_))
       throw InputError(folder_.string(), "is not a folder", "give a folder for --parts");
-    write_file_atomically(path, text);
-    return;
+    leave_first(path, text);
   }
   const std::string found = read_file(path);
   if (found == text) return;

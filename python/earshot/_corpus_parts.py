@@ -87,6 +87,7 @@ def plan(
     said = run_program(begun.part_arguments(begun.out, _SHARDS - 1, 1), cwd=begun.cwd)
     found = _MISSING.search(said)
     count = int(found.group(1)) if found else 0  # none: the manifests of the whole are written
+    _require_whole(begun.out, count)
     missing: list[int] = []
     number = 0
     while len(missing) < count:
@@ -150,6 +151,13 @@ def join(work: Plan) -> None:
     said = run_program(work.part_arguments(work.out, _SHARDS - 1, 1), cwd=work.cwd)
     if _MISSING.search(said):
         raise RunError(f"{work.out}: folders are missing although all parts were made; run the same call again")
+    _require_whole(work.out, 0)
+
+
+def _require_whole(out: str, missing: int) -> None:
+    """Nothing is missing only where the manifest of the whole is there."""
+    if missing == 0 and not (Path(out) / "manifest.jsonl").exists():
+        raise RunError(f"{out}: the program did not say what is missing; use the program of this package")
 
 
 def _flush(folder: Path) -> None:

@@ -78,7 +78,7 @@ void leave_out_zero_hertz(MeasuredSource& source) {
 }  // namespace
 
 MeasuredSource read_sofa_directivity(const std::filesystem::path& path) {
-  const SofaFile file(path, "use a FreeFieldDirectivityTF SOFA file");
+  const SofaFile file(path, "use a FreeFieldDirectivityTF SOFA file", MeasuredSource::kMaxValues);
   require_convention(file, {"FreeFieldDirectivityTF"}, "a source's directivity", "TF");
   require_emitter_at_source(file);
   const SofaVariable frequency = file.get("N");

@@ -73,7 +73,7 @@ class Microphones {
 }  // namespace
 
 RoomResponses read_sofa_room(const std::filesystem::path& path) {
-  const SofaFile file(path, "use a SingleRoomSRIR SOFA file");
+  const SofaFile file(path, "use a SingleRoomSRIR SOFA file", RoomResponses::kMaxValues);
   require_convention(file, {"SingleRoomSRIR", "SingleRoomDRIR"}, "responses in one room", "FIR");
   require_emitter_at_source(file);
   const SofaVariable data = file.get("Data.IR");

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/audio/measured/measured_source.h"
 #include "sim/base/text/text_match.h"
 #include "sim/sofa/hdf5_handle.h"
 
@@ -61,7 +60,8 @@ std::string SofaVariable::shape() const {
   return text.empty() ? "a scalar" : text;
 }
 
-SofaFile::SofaFile(const std::filesystem::path& path, std::string remedy) : where_(path.string()), remedy_(std::move(remedy)) {
+SofaFile::SofaFile(const std::filesystem::path& path, std::string remedy, std::size_t max_values)
+    : where_(path.string()), remedy_(std::move(remedy)), max_values_(max_values) {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // errors are thrown, not printed
   H5PLset_loading_state(0);                     // a file must not choose code that is loaded
   std::error_code error;
@@ -93,8 +93,9 @@ std::optional<SofaVariable> SofaFile::find(const std::string& name) const {
   if (rank > 0) H5Sget_simple_extent_dims(space.id(), extent.data(), nullptr);
   std::size_t count = 1;
   for (const hsize_t size : extent) {
-    if (size == 0 || size > MeasuredSource::kMaxValues / count)
-      throw refuse(fmt::format("has {} with {} values in a dimension, {} before it", name, size, count));
+    if (size == 0 || size > max_values_ / count)
+      throw refuse(
+          fmt::format("has {} with {} values in a dimension, {} before it: 1 to {} of all are read", name, size, count, max_values_));
     count *= size;
     result.size.push_back(size);
   }

@@ -3,6 +3,7 @@
 
 #include <hdf5.h>
 
+#include <cstddef>
 #include <filesystem>
 #include <initializer_list>
 #include <optional>
@@ -27,8 +28,9 @@ struct SofaVariable {
 /// A SOFA file (netCDF-4, so HDF5) open for reading.  HDF5 can crash on damaged files: only for a process of its own.
 class SofaFile {
  public:
-  /// remedy: of what is refused.  Throws InputError naming the file if it cannot be opened, is damaged or no HDF5.
-  SofaFile(const std::filesystem::path& path, std::string remedy);
+  /// remedy: of what is refused.  max_values: of one variable; larger ones are refused before they are read.  Throws InputError naming the
+  /// file if it cannot be opened, is damaged or no HDF5.
+  SofaFile(const std::filesystem::path& path, std::string remedy, std::size_t max_values);
   ~SofaFile();
   SofaFile(const SofaFile&) = delete;
   SofaFile& operator=(const SofaFile&) = delete;
@@ -36,7 +38,7 @@ class SofaFile {
   [[nodiscard]] InputError refuse(const std::string& problem) const;
   /// A global attribute of text; empty if there is none.
   [[nodiscard]] std::string attribute(const std::string& name) const;
-  /// nullopt if there is none.  Throws InputError for what holds no numbers, more than MeasuredSource::kMaxValues of them, or any that is
+  /// nullopt if there is none.  Throws InputError for what holds no numbers, more than max_values of them, or any that is
   /// not finite, with its place.
   [[nodiscard]] std::optional<SofaVariable> find(const std::string& name) const;
   /// The same; throws InputError if there is none.
@@ -44,6 +46,7 @@ class SofaFile {
 
  private:
   std::string where_, remedy_;
+  std::size_t max_values_;
   hid_t file_ = H5I_INVALID_HID;
 };
 

@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "sim/base/files.h"
 #include "sim/base/process/exit_codes.h"
 #include "sim/base/text/listed.h"
 #include "trainer/net/host_address.h"
@@ -36,22 +37,35 @@ constexpr std::chrono::milliseconds kBetweenCounts{50};
 
 using StorePointer = c10::intrusive_ptr<c10d::Store>;
 
+/// c10's errors go on with the calls that led to them.
+std::string first_line(const std::exception& error) {
+  const std::string_view text = error.what();
+  return std::string(text.substr(0, text.find('\n')));
+}
+
 StorePointer open_store(const RingConfig& config) {
   const auto [rank, world_size] = config.identity;
   StorePointer store;
-  if (config.launcher_store.empty() && config.rendezvous.starts_with(kIpc)) {
-    store = c10::make_intrusive<c10d::FileStore>(config.rendezvous.substr(kIpc.size()) + ".gloo", world_size);
+  // The file of a killed start stays: no other start may read it.
+  const std::string start = fmt::format("{} {}", config.run_id, config.start_id);
+  if (config.rendezvous.starts_with(kIpc)) {
+    const std::string file = fmt::format("{}.gloo.{}", config.rendezvous.substr(kIpc.size()), hex64(hash64(start)));
+    store = c10::make_intrusive<c10d::FileStore>(file, world_size);
   } else {
-    const TcpAddress meeting_point = parse_tcp(config.launcher_store.empty() ? config.rendezvous : config.launcher_store);
+    const TcpAddress meeting_point = parse_tcp(config.rendezvous);
     c10d::TCPStoreOptions options;
     options.port = static_cast<std::uint16_t>(meeting_point.port);
-    options.isServer = config.launcher_store.empty() && rank == 0;
+    options.isServer = rank == 0;
     options.waitWorkers = false;
     options.timeout = config.timeout;
-    store = c10::make_intrusive<c10d::TCPStore>(meeting_point.host, options);
+    try {
+      store = c10::make_intrusive<c10d::TCPStore>(meeting_point.host, options);
+    } catch (const std::exception& error) {
+      if (rank == 0) throw;  // it cannot listen there
+      throw WorldIncomplete(fmt::format("rendezvous {}", config.rendezvous), first_line(error));
+    }
   }
-  // The launcher's store outlives a start of the workers.
-  return c10::make_intrusive<c10d::PrefixStore>("earshot " + config.run_id, store);
+  return c10::make_intrusive<c10d::PrefixStore>("earshot " + start, store);
 }
 
 /// Where this worker listens, and whether others can reach that.
@@ -66,12 +80,6 @@ std::string address_of(const RingConfig& config) {
   return config.network.interface.empty() ? local_address_towards(remote) : address_of_interface(config.network.interface, remote.host);
 }
 
-/// c10's errors go on with the calls that led to them.
-std::string first_line(const std::exception& error) {
-  const std::string_view text = error.what();
-  return std::string(text.substr(0, text.find('\n')));
-}
-
 class GlooExchange : public WorkerExchange {
  public:
   explicit GlooExchange(const RingConfig& config) : identity_(config.identity), exceptions_at_start_(std::uncaught_exceptions()) {
@@ -79,7 +87,11 @@ class GlooExchange : public WorkerExchange {
     options->devices = {c10d::ProcessGroupGloo::createDeviceForHostname(address_of(config))};
     options->threads = 2;
     store_ = open_store(config);
-    group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(store_, identity_.rank, identity_.world_size, options);
+    try {
+      group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(store_, identity_.rank, identity_.world_size, options);
+    } catch (const std::exception& error) {
+      throw WorldIncomplete("Gloo", fmt::format("not all workers connected: {}", first_line(error)));
+    }
   }
   ~GlooExchange() override {
     if (!abandoned_ && std::uncaught_exceptions() > exceptions_at_start_) abandon("an error");
@@ -97,6 +109,8 @@ class GlooExchange : public WorkerExchange {
     const Call own{static_cast<std::uint64_t>(operation), bytes};
     calls[static_cast<std::size_t>(identity_.rank)] = own;
     ++opened_;
+    num_waiting_ = 0;  // the last count was for the call before
+    counted_at_ = {};
     ask_store([&] {
       store_->add("begun", 1);
       return store_->add(fmt::format("begun by {}", identity_.rank), 1);
@@ -224,6 +238,8 @@ std::shared_ptr<WorkerExchange> join_gloo(const RingConfig& config) {
   try {
     return std::make_shared<GlooExchange>(config);
   } catch (const InputError&) {
+    throw;
+  } catch (const RunError&) {
     throw;
   } catch (const std::exception& error) {
     throw RunError("Gloo", first_line(error));

@@ -111,7 +111,6 @@ struct Said {
   std::string host;  ///< of rank 0
   int port = 0;      ///< 0: any in the range that is a function of the run id
   std::string run_id;
-  std::string store = {};  ///< torchrun's
 };
 
 Said from_torchrun(const Variables& variables) {
@@ -127,7 +126,7 @@ Said from_torchrun(const Variables& variables) {
   said.port = table.number("MASTER_PORT");
   require(said.port > 0 && said.port < 65535, "MASTER_PORT", said.port, "must be in [1, 65534]");
   // torchrun's agent may keep a store of its own at that port.
-  if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") said.store = tcp_address(said.host, said.port++);  // and meet beside it
+  if (table.text_or("TORCHELASTIC_USE_AGENT_STORE", "") == "True") ++said.port;
   said.run_id = fmt::format("torchrun {} {}:{}", table.text_or("TORCHELASTIC_RUN_ID", "-"), said.host, said.port);
   // Each agent counts its own restarts: where several have started the workers, the counts may differ.
   if (said.one_host) said.run_id += " " + table.text_or("TORCHELASTIC_RESTART_COUNT", "0");
@@ -240,9 +239,9 @@ std::optional<LaunchedWorker> worker_from(const Variables& variables, int first_
 
   worker.launcher = said->launcher;
   worker.has_pmix = variables.contains("PMIX_RANK") && variables.contains("PMIX_NAMESPACE");
-  if (!earshot_variables.has(kRendezvousName)) worker.ring.launcher_store = said->store;
   worker.ring.identity = said->identity;
   worker.ring.run_id = earshot_variables.has(kRunIdName) ? earshot_variables.text(kRunIdName) : said->run_id;
+  worker.ring.start_id = said->run_id;
   if (worker.ring.run_id.empty())
     throw InputError(kRunIdName, fmt::format("is not set, and {} provides no job id", said->launcher),
                      "set EARSHOT_RUN_ID to a text that is the same in all workers of this run and different in every other run");

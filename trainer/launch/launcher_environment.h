@@ -19,7 +19,7 @@ using Variables = std::map<std::string, std::string>;
 /// Rank, world size and hosts that a launcher states for this process.
 struct LaunchedWorker {
   std::string launcher;          ///< "EARSHOT_RANK" (our own spawn, or set by hand), "torchrun", "Open MPI", "MPICH", "Slurm", "Kubernetes"
-  RingConfig ring;               ///< identity, rendezvous, run id, torchrun's store; not validated
+  RingConfig ring;               ///< identity, rendezvous, run id, start id; not validated
   bool has_pmix = false;         ///< MPI can find the other ranks: mpirun, or srun --mpi=pmix
   std::string transport_reason;  ///< why ring.network.collective is what it is, from worker_from_environment
   std::filesystem::path folder = {};                ///< of an ipc rendezvous on one host; empty where none is needed

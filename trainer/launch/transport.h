@@ -19,7 +19,7 @@ struct ChosenTransport {
 };
 
 /// The transport of a world: network.collective, or where that is `auto` ZeroMQ up to kMaxMeshWorkers, beyond MPI where the launcher brings
-/// it (PMIx of mpirun or srun), else Gloo, which meets in torchrun's store or at the rendezvous.  Throws InputError: more workers than
+/// it (PMIx of mpirun or srun), else Gloo, which meets at the rendezvous.  Throws InputError: more workers than
 /// ZeroMQ connects, MPI without PMIx, a library that is not in this build, a key file that the library cannot use.
 ChosenTransport choose_transport(const NetworkConfig& network, int world_size, bool has_pmix, BuiltTransports built = built_transports());
 

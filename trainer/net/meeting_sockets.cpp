@@ -44,7 +44,7 @@ std::string common_objection(const Message& message, const RingConfig& config, i
   const int world_size = config.identity.world_size;
   if (message.run_id != config.run_id) return "its run id belongs to another run";
   if (message.world_size != world_size)
-    return fmt::format("it expects {} workers, but this run {} {}", message.world_size, start, world_size);
+    return fmt::format("{}{} workers, but this run {} {}", kOtherNumber, message.world_size, start, world_size);
   if (message.rank < first || message.rank >= world_size)
     return fmt::format("its rank {} is outside {} to {}", message.rank, first, world_size - 1);
   return {};

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 #include <zmq.hpp>
 
@@ -53,6 +54,8 @@ class HandshakeMonitor {
 /// Whether a worker may listen there: an endpoint in a message may only lead where this worker would listen itself.
 [[nodiscard]] bool is_possible_endpoint(const RingConfig& config, const std::string& endpoint);
 
+/// Begin of the reason where a worker expects another number of workers.
+inline constexpr std::string_view kOtherNumber = "it expects ";
 /// The reason to refuse a worker of the first world, or one that joins; empty if there is none.
 [[nodiscard]] std::string objection_to(const Hello& hello, const RingConfig& config);
 [[nodiscard]] std::string objection_to(const JoinRequest& request, const RingConfig& config);

@@ -23,7 +23,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxSocketPath = 107;  // sockaddr_un::sun_path less its end mark
-constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://";
+constexpr std::string_view kIpc = "ipc://", kTcp = "tcp://", kTaken = "is already taken";
 constexpr int kRefusalsPerSecond = 100;  // requests above it go unanswered
 constexpr int kReconnect_ms = 50, kReconnectMax_ms = 250;
 
@@ -48,6 +48,9 @@ void check_private_folder(const RingConfig& config) {
     throw InputError(folder.string(), "can be accessed by other users, who could join the run",
                      "run chmod 700 on it, or use a private folder");
 }
+
+/// Refusals of a worker whose launcher has started another number of workers meanwhile, or started this worker twice.
+bool is_of_another_start(const std::string& refusal) { return refusal.starts_with(kOtherNumber) || refusal.ends_with(kTaken); }
 
 /// Rank 0: collects the hellos.
 class Host {
@@ -83,16 +86,16 @@ class Host {
     const auto deadline = Clock::now() + config_.timeout;
     while (!missing().empty()) {
       if (wait_readable(socket_, deadline) == Readable::none)
-        throw RunError(fmt::format("rendezvous {}", config_.rendezvous),
-                       fmt::format("worker {} of {} did not connect within {} ms", listed(missing(), ", "), config_.identity.world_size,
-                                   config_.timeout.count()));
+        throw WorldIncomplete(fmt::format("rendezvous {}", config_.rendezvous),
+                              fmt::format("worker {} of {} did not connect within {} ms", listed(missing(), ", "),
+                                          config_.identity.world_size, config_.timeout.count()));
       admit(receive_parts(socket_));
     }
     for (std::size_t rank = 1; rank < addresses_.size(); ++rank) {
       try {
         send(*addresses_[rank], acceptance());
       } catch (const zmq::error_t&) {
-        throw RunError(worker_name(static_cast<int>(rank)), "disconnected before the run started");
+        throw WorldIncomplete(worker_name(static_cast<int>(rank)), "disconnected before the run started");
       }
     }
     return table_;
@@ -144,7 +147,7 @@ class Host {
 
   [[nodiscard]] std::string objection(const Hello& hello, const zmq::message_t& message) const {
     if (std::string reason = objection_to(hello, config_); !reason.empty()) return reason;
-    if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} is already taken", hello.rank);
+    if (addresses_[static_cast<std::size_t>(hello.rank)]) return fmt::format("rank {} {}", hello.rank, kTaken);
     return security_.objection_to(hello.public_key, message);
   }
 
@@ -208,14 +211,17 @@ PeerTable join(zmq::context_t& context, const RingConfig& config, const std::str
       handshakes.read(where, security);
       continue;
     }
-    throw RunError(where, fmt::format("worker 0 did not answer within {} ms, or not all workers connected", config.timeout.count()));
+    throw WorldIncomplete(where, fmt::format("worker 0 did not answer within {} ms, or not all workers connected", config.timeout.count()));
   }
   const auto parts = receive_parts(socket);
   try {
     if (parts.size() != 1) throw WireError("answer with several parts");
     Welcome welcome = decode<Welcome>(parts[0].to_string_view());
-    if (!welcome.refusal.empty())
-      throw RunError(where, fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal));
+    if (!welcome.refusal.empty()) {
+      const std::string problem = fmt::format("worker 0 refuses worker {}: {}", config.identity.rank, welcome.refusal);
+      if (is_of_another_start(welcome.refusal)) throw WorldIncomplete(where, problem);
+      throw RunError(where, problem);
+    }
     const auto world_size = static_cast<std::size_t>(config.identity.world_size);
     if (welcome.control_endpoints.size() != world_size || welcome.bulk_endpoints.size() != world_size ||
         welcome.public_keys.size() != world_size)

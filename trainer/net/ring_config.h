@@ -67,12 +67,18 @@ class LeftOut : public RunError {
   using RunError::RunError;
 };
 
+/// The workers of a start did not all find each other in time, or not the same number of them.
+class WorldIncomplete : public RunError {
+ public:
+  using RunError::RunError;
+};
+
 /// Rendezvous and timeouts of the workers of one run.
 struct RingConfig {
   WorkerIdentity identity;
   std::string rendezvous;                    ///< "tcp://HOST:PORT" or "ipc:///path": rank 0 listens here
-  std::string launcher_store = {};           ///< "tcp://HOST:PORT" of the store that torchrun's agent keeps, for Gloo; empty: none
   std::string run_id;                        ///< an unknown peer with another id is refused
+  std::string start_id = {};                 ///< the launcher's name of this start, where run_id is that of all starts; empty: none
   std::chrono::milliseconds timeout{60000};  ///< of one collective call in which no peer makes progress
   std::chrono::milliseconds heartbeat{500};  ///< a dead peer is noticed within about four of these
   NetworkConfig network = {};                ///< where to listen, and the keys of links that leave the host

@@ -60,7 +60,7 @@ class TrainWorker {
   void salvage() noexcept;
 
   [[nodiscard]] int rank() const { return collective_.identity().rank; }
-  /// Whether each worker keeps the environments of all after each update: in a tree of many workers that would be too much.
+  /// Whether each worker keeps the environments of all after each update: of more workers that would be too much.
   [[nodiscard]] bool keeps_environments() const { return collective_.identity().world_size <= kMaxMeshWorkers; }
   /// Global number of this worker's first env.  While ranks are those of the start: before any change of members.
   [[nodiscard]] int first_env() const { return places_.first_of(rank()) * config_.envs_per_worker; }

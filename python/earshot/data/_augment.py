@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._engine import InputError
 from ..integrations._common import require
-from ._random import stream
+from ._random import Purpose, stream
 from ._responses import Responses
 
 Samples = NDArray[np.float32]
@@ -67,7 +67,7 @@ class Augment:
         self._noise = [] if noise is None or isinstance(noise, str) else [_sound(sound, f"noise {i}") for i, sound in enumerate(noise)]
         if noise is not None and not self._white and not self._noise:
             raise InputError("Augment: noise is an empty list; give None, 'white' or sounds")
-        stream(seed, 0, 0)
+        stream(Purpose.augmentation, seed, 0, 0)
 
     def __call__(self, speech: ArrayLike, *, index: int, epoch: int = 0) -> Augmented:
         """Augment dry speech [samples] of the rate of the responses.
@@ -76,7 +76,7 @@ class Augment:
         :raises InputError: Speech that is empty, silent or not finite.
         """
         dry = _sound(speech, f"speech {index}")
-        draw = stream(self.seed, epoch, index)
+        draw = stream(Purpose.augmentation, self.seed, epoch, index)
         number = int(draw.integers(len(self.responses)))
         signal = _convolve(dry, self.responses[number])
         if self._cut:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._engine import InputError
 from ._corpus import Corpus
-from ._random import stream
+from ._random import Purpose, stream
 
 _KEPT_BYTES = 1 << 28
 
@@ -177,7 +177,7 @@ class SimulatedResponses(Responses):
         }
 
     def _spec(self, room: int) -> tuple[str, NDArray[np.float64]]:
-        draw = stream(self._settings["seed"], 1, room)
+        draw = stream(Purpose.room, self._settings["seed"], 0, room)
         low, high = (np.array(self._settings[key], dtype=np.float64) for key in ("min_size_m", "max_size_m"))
         size = np.round(low + draw.random(3) * (high - low), 2)
         least, most = self._settings["absorption"]
@@ -186,7 +186,7 @@ class SimulatedResponses(Responses):
 
     def _places(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         _, size = self._spec(index // self._settings["per_room"])
-        draw = stream(self._settings["seed"], 2, index)
+        draw = stream(Purpose.place, self._settings["seed"], 0, index)
         source = 0.5 + draw.random(3) * (size - 1)
         for _ in range(1000):  # a room of 1.5 m has places 0.5 m apart
             listener = 0.5 + draw.random(3) * (size - 1)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -40,8 +41,9 @@ class _SceneHolder:
         if self.scene is None:
             self.scene = Scene(self.spec, **self.keys)
         position, listeners = job
-        if self.source[0] != (place := tuple(map(float, position))):
-            self.source = (place, self.scene.source(position, **source_keys))
+        key = (tuple(map(float, position)), pickle.dumps(sorted(source_keys.items())))
+        if self.source[0] != key:
+            self.source = (key, self.scene.source(position, **source_keys))
         rir: NDArray[np.float32] = self.source[1].render(listeners, **keys)
         return rir
 

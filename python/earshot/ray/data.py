@@ -96,7 +96,7 @@ def read_corpus(folder: str | os.PathLike[str]) -> Any:
         first = _corpus_parts.rows_of(manifest.readline())
     _require_wav(str(folder), first)
     start()
-    numbers = sorted(int(path.parent.name) for path in out.glob("[0-9]*/manifest.jsonl"))
+    numbers = sorted(int(path.parent.name) for path in out.glob("[0-9]*/manifest.jsonl") if path.parent.name.isdigit())
 
     def read(number: int) -> Iterable[pa.Table]:
         rows = _corpus_parts.rows_of((out / f"{number:05}" / "manifest.jsonl").read_text())

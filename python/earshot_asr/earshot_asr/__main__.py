@@ -9,6 +9,8 @@ import pathlib
 import shutil
 import sys
 
+import soundfile
+
 from .speech import DataError
 
 
@@ -31,7 +33,8 @@ def parser() -> argparse.ArgumentParser:
     table.add_argument("--test-strings", type=int, default=60, help="utterances that are tested in every room")
     table.add_argument("--rirs", type=pathlib.Path, help="further test responses in the layout of BUT ReverbDB, AIR or REVERB")
     table.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="seeds that train at once (default: all cores)")
-    rooms.add_argument("--scene", type=pathlib.Path, default=pathlib.Path("configs/scenes/dechorate.yaml"), help="SCENE")
+    rooms.add_argument("--measured", type=pathlib.Path, help="folder of the responses (default: rir/dechorate of --data)")
+    rooms.add_argument("--scene", help="SCENE (default: that of the places)")
     rooms.add_argument("--places", type=pathlib.Path, default=pathlib.Path("configs/measured/dechorate.yaml"), help="its places")
     rooms.add_argument("--speech", type=pathlib.Path, help="folder of sentences in the layout of LibriSpeech (default: of --data)")
     rooms.add_argument("--recognizers", default="whisper,pocketsphinx", help="separated by commas")
@@ -58,6 +61,14 @@ def run(arguments: argparse.Namespace) -> str:
             raise DataError(f"--tasks: '{task}' is neither digits nor words")
     if min(arguments.seeds, arguments.base_steps, arguments.steps, arguments.test_strings, arguments.jobs) < 1:
         raise DataError("--seeds, --base-steps, --steps, --test-strings and --jobs must be at least 1")
+    try:
+        counts = tuple(int(count) for count in arguments.counts.split(","))
+    except ValueError:
+        counts = (0,)
+    if min(counts) < 1:
+        raise DataError(f"--counts: '{arguments.counts}' is no list of whole numbers from 1 on")
+    if arguments.rirs is not None and not (arguments.data and (arguments.data / "rir_measured").is_dir()):
+        raise DataError("--rirs: adds to measured test responses, which --data has not")
     options = table.Options(
         data=arguments.data,
         out=arguments.out,
@@ -65,7 +76,7 @@ def run(arguments: argparse.Namespace) -> str:
         config=arguments.config,
         tasks=tasks,
         rows=rows,
-        counts=tuple(int(count) for count in arguments.counts.split(",")),
+        counts=counts,
         seeds=arguments.seeds,
         base_steps=arguments.base_steps,
         steps=arguments.steps,
@@ -80,6 +91,9 @@ def main() -> int:
     try:
         print(run(parser().parse_args()))
     except DataError as error:
+        print(f"earshot_asr: {error}", file=sys.stderr)
+        return 2
+    except (OSError, soundfile.LibsndfileError) as error:
         print(f"earshot_asr: {error}", file=sys.stderr)
         return 2
     except ImportError as error:

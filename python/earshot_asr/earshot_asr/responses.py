@@ -7,6 +7,7 @@ A response is mono at RATE_HZ, begins 2.5 ms before its direct sound, and has un
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import pathlib
 import re
@@ -123,17 +124,50 @@ KINDS = {
 RESPONSES_PER_ROOM = 40
 
 
-def earshot(program: str, config: pathlib.Path, kind: str, count: int, folder: pathlib.Path, first_room: int = 0) -> list[Response]:
+def program_version(program: str) -> str:
+    return subprocess.run([program, "--version"], capture_output=True, text=True).stdout.strip()
+
+
+def packed(responses: list[Response]) -> bytes:
+    """For a file that `unpacked` reads."""
+    file = io.BytesIO()
+    np.savez(
+        file,
+        samples=np.concatenate([r.samples for r in responses]),
+        lengths=[len(r.samples) for r in responses],
+        rooms=[r.room for r in responses],
+        rt60_s=[r.rt60_s for r in responses],
+        drr_db=[r.drr_db for r in responses],
+    )
+    return file.getvalue()
+
+
+def unpacked(path: pathlib.Path) -> list[Response]:
+    with np.load(path, allow_pickle=False) as file:
+        parts = np.split(file["samples"], np.cumsum(file["lengths"])[:-1])
+        return [
+            Response(*values)
+            for values in zip(parts, file["rooms"].tolist(), file["rt60_s"].tolist(), file["drr_db"].tolist(), strict=True)
+        ]
+
+
+def one_of_each_room(responses: list[Response]) -> list[Response]:
+    return list({response.room: response for response in responses}.values())
+
+
+def earshot(
+    program: str, config: pathlib.Path, kind: str, count: int, folder: pathlib.Path, first_room: int = 0, per_room: int = RESPONSES_PER_ROOM
+) -> list[Response]:
     """At least `count` responses by `earshot dataset rir`, kept in `folder`."""
-    rooms = -(-count // RESPONSES_PER_ROOM) + 1
+    rooms = -(-count // per_room) + 1
     settings = [s.format(rooms=rooms, first=first_room, last=first_room + rooms - 1) for s in KINDS[kind]]
-    settings += ["channels=mono", "sources_per_room=4", f"listeners_per_source={RESPONSES_PER_ROOM // 4}", f"seed={first_room + 1}"]
+    settings += ["channels=mono", "sources_per_room=4", f"listeners_per_source={per_room // 4}", f"seed={first_room + 1}"]
     command = [program, "dataset", "rir", str(config), "--out", str(folder)]
     for setting in settings:
         command += ["--set", setting]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
-        raise DataError(f"{' '.join(command[:3])}: {done.stderr.strip().splitlines()[-1]}")
+        raise DataError(f"{' '.join(command[:3])}: {(done.stderr.strip().splitlines() or [f'ended with {done.returncode}'])[-1]}")
     responses = []
     for line in (folder / "manifest.jsonl").read_text().splitlines():
         entry = json.loads(line)
@@ -147,6 +181,9 @@ def pyroom(count: int, seed: int) -> list[Response]:
     import pyroomacoustics as pra
 
     random = np.random.default_rng(seed)
+    np.random.seed(seed)  # of its rays, or of its own generator
+    if hasattr(pra, "random"):
+        pra.random.seed(seed)
     responses: list[Response] = []
     while len(responses) < count:
         size = random.uniform([3, 3, 2.4], [10, 8, 4])

@@ -126,16 +126,17 @@ def ratios(program: str, wav: pathlib.Path) -> dict[str, float | None]:
 
 
 def simulated(
-    arguments: argparse.Namespace, places: list[dict[str, object]], pattern: str | None, folder: pathlib.Path
+    arguments: argparse.Namespace, places: list[dict[str, object]], scene: str, up: str, pattern: str | None, folder: pathlib.Path
 ) -> list[np.ndarray]:
     found = []
     for i, place in enumerate(places):
         wav = folder / f"simulated_{i}.wav"
 
         def point(key: str, place: dict[str, object] = place) -> str:
-            return ",".join(f"{float(value):.6f}" for value in place[key])  # type: ignore[attr-defined]
+            x, y, z = (float(value) for value in place[key])  # type: ignore[attr-defined]
+            return ",".join(f"{value:.6f}" for value in ((x, z, -y) if up == "z" else (x, y, z)))
 
-        command = [arguments.earshot, "rir", str(arguments.scene), "--preset", "high", "--channels", "mono", "--set", "rir_length_s=auto"]
+        command = [arguments.earshot, "rir", scene, "--preset", "high", "--channels", "mono", "--set", "rir_length_s=auto"]
         command += [
             "--source",
             point("source"),
@@ -173,8 +174,9 @@ def run(arguments: argparse.Namespace) -> str:
     for name in names:
         if name not in RECOGNIZERS:
             raise DataError(f"--recognizers: '{name}' is none of {', '.join(RECOGNIZERS)}")
-    if arguments.data is None:
-        raise DataError("rooms needs measured responses: give --data DIR")
+    if arguments.data is None and not (arguments.measured and arguments.speech):
+        raise DataError("rooms needs measured responses: give --data DIR, or --measured DIR and --speech DIR")
+    recorded = arguments.measured or arguments.data / "rir/dechorate"
     clips = all_sentences(arguments)
     places_file = yaml.safe_load(arguments.places.read_text())
     places = places_file["responses"]
@@ -185,10 +187,15 @@ def run(arguments: argparse.Namespace) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     measured = []
     for i, place in enumerate(places):
-        samples, rate = soundfile.read(arguments.data / "rir/dechorate" / place["file"], dtype="float32", always_2d=True)
+        samples, rate = soundfile.read(recorded / place["file"], dtype="float32", always_2d=True)
         measured.append(resample(samples[:, place.get("channel", 0)], rate, RATE_HZ))
         soundfile.write(folder / f"measured_{i}.wav", measured[-1], RATE_HZ, subtype="FLOAT")
-    made = simulated(arguments, places, pattern, folder)
+    scene = arguments.scene or places_file.get("scene")
+    if not scene:
+        raise DataError(f"{arguments.places}: names no scene; give --scene SCENE")
+    if not arguments.scene and (arguments.places.parent / scene).exists():
+        scene = str(arguments.places.parent / scene)
+    made = simulated(arguments, places, scene, places_file.get("up", "y"), pattern, folder)
     rows = []
     for i, place in enumerate(places):
         row: dict[str, object] = {"place": place["file"]}

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import concurrent.futures
 import dataclasses
+import hashlib
 import json
 import multiprocessing
 import os
 import pathlib
-import pickle
 import sys
 import time
 
@@ -74,16 +74,21 @@ def write_atomically(path: pathlib.Path, data: bytes) -> None:
 
 
 def pool_of(kind: str, count: int, options: Options) -> list[Response]:
-    """Kept in the output folder: a second run reads it."""
-    file = options.out / "responses" / f"{kind.replace(' ', '_')}_{count}.pickle"
+    """Kept in the output folder: a second run of the same program and config reads it."""
+    made_by = (
+        "pyroomacoustics"
+        if kind == SHOEBOX
+        else rooms.program_version(options.program) + options.config.read_text() + repr(rooms.KINDS[kind])
+    )
+    mark = hashlib.sha256(f"1 {kind} {count} {made_by}".encode()).hexdigest()[:12]
+    file = options.out / "responses" / f"{kind.replace(' ', '_')}_{mark}.npz"
     if file.exists():
-        found: list[Response] = pickle.loads(file.read_bytes())
-        return found
+        return rooms.unpacked(file)
     if kind == SHOEBOX:
         made = rooms.pyroom(count, seed=1)
     else:
-        made = rooms.earshot(options.program, options.config, kind, count, options.out / "responses" / kind.replace(" ", "_"))
-    write_atomically(file, pickle.dumps(made))
+        made = rooms.earshot(options.program, options.config, kind, count, file.with_suffix(""))
+    write_atomically(file, rooms.packed(made))
     return made
 
 
@@ -95,11 +100,13 @@ def test_and_target(options: Options) -> tuple[list[Response], list[Response], b
             test += rooms.measured_elsewhere(options.measured_elsewhere)
         return test, rooms.measured(options.data / "rir_measured", "train"), True
     folder = options.out / "responses"
-    make = [
-        rooms.earshot(options.program, options.config, "earshot houses high", 40, folder / f"stand_in_{first}", first_room=first)
-        for first in (5000, 6000)
-    ]
-    return make[0][:20], make[1][:31], False
+    test, target = (
+        rooms.earshot(
+            options.program, options.config, "earshot houses high", count, folder / f"stand_in_{first}", first_room=first, per_room=4
+        )
+        for first, count in ((5000, 4 * 20), (6000, 4 * 31))
+    )
+    return rooms.one_of_each_room(test), rooms.one_of_each_room(target), False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,7 +215,7 @@ def choose(kind: str, count: int, target: list[Response], seed: int, options: Op
     largest = max(options.counts)
     if kind.endswith("high"):
         largest = min(largest, options.high_at_most)
-    pool = pool_of(kind, POOL_FACTOR * largest if not kind.endswith("high") else largest + largest // 4, options)
+    pool = pool_of(kind, POOL_FACTOR * largest, options)
     return matched(pool, target, count, np.random.default_rng(100 + seed))
 
 

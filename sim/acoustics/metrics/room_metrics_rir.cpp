@@ -57,6 +57,10 @@ void leave_out_noise(BandSignals& signals) {
   if (!cut) return;
   replace_noise(*cut, signals.whole);
   replace_noise(*cut, signals.after_direct);
+  // From the same bin on, so that lateral fractions are not noise over a clean whole.  Nothing in its place is enough for energies: the
+  // decay there has as little of the whole as the noise is below the response.
+  for (std::vector<double>* const signal : {&signals.lateral, &signals.product})
+    if (signal->size() > cut->bin) std::fill(signal->begin() + static_cast<std::ptrdiff_t>(cut->bin), signal->end(), 0.0);
 }
 
 double onset_s(std::span<const float> samples, double rate) { return static_cast<double>(find_onset(samples, rate).value_or(0)) / rate; }

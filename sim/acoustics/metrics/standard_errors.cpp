@@ -27,7 +27,7 @@ constexpr double kOfDifference = 0.6;
 /// Walls that scatter less are mirrors.
 constexpr double kMostScattering = 0.1;
 /// Cells that tell the blur of a field's, and by what fraction of its noise they differ for their own.
-constexpr float kFinerCells = 0.5f;
+constexpr float kFinerCells = 0.5f, kLeastCellM = 0.05f;
 constexpr double kNoiseOfCells = 0.5;
 constexpr std::array<BandValue, 3> kInteraural{&BandMetrics::iacc, &BandMetrics::iacc_early, &BandMetrics::iacc_late};
 
@@ -168,7 +168,7 @@ std::vector<BandMetrics> measure_in_cells(const AcousticScene& acoustics, const 
 }
 
 /// With a field: the spread of its photons at the listener, in quadrature with what cells of half the size change for the same photons:
-/// about as much again remains.  Smaller cells are noisier by themselves, which is left out.
+/// about as much again remains.  Cells of the least size have no finer ones.  Smaller cells are noisier by themselves, which is left out.
 MetricErrors errors_of_field(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField& field,
                              glm::vec3 listener, const EnergyResponse& response) {
   EnergyResponse parts;
@@ -181,10 +181,11 @@ MetricErrors errors_of_field(const AcousticScene& acoustics, const EarlyCandidat
   std::vector<BandErrors> errors = late_errors(acoustics, parts);
 
   const std::uint64_t photons = std::min(field.photons(), kMostPhotonsOfErrors);
-  const float cell_m = acoustics.config().field_cell_m;
+  const float cell_m = acoustics.config().field_cell_m, finer_m = std::max(kFinerCells * cell_m, kLeastCellM);
+  if (!(finer_m < cell_m)) return {.bands = errors_of_batches(errors), .ears = {}, .sti = std::nullopt};
   const std::vector<BandMetrics> here =
       photons == field.photons() ? measure(acoustics, response).bands : measure_in_cells(acoustics, candidates, photons, listener, cell_m);
-  const std::vector<BandMetrics> finer = measure_in_cells(acoustics, candidates, photons, listener, kFinerCells * cell_m);
+  const std::vector<BandMetrics> finer = measure_in_cells(acoustics, candidates, photons, listener, finer_m);
   for (std::size_t band = 0; band < errors.size(); ++band)
     for (const ErrorEntry& entry : kErrorEntries) {
       const auto &value = here[band].*entry.value, &of_finer = finer[band].*entry.value;

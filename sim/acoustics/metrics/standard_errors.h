@@ -37,12 +37,14 @@ using RenderEars = std::function<void(const EnergyResponse& response, std::uint6
 /// the sum of squares: from 2048 rays or more, without that bias where source and listener see each other or walls let nothing through;
 /// between facing mirrors (facing_planes.h), and where walls scatter less than a tenth, from a source field.
 /// With the late field gathered from `field`: the spread of its photons at the listener (field_batches), in quadrature with what cells of
-/// half the size change for the same photons.  SourceField::t20_error is a mean over places.
-/// The parameters of `request` are by repetition, of a bidirectional trace eight times with all of its rays; with a field they have no
-/// error.  render_ears: with request.interaural, null where there are no ears: IACC also has the noise of its carriers, found from eight
-/// others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace and the
-/// better response (bidirectional, with a request: eight traces; with a field, its photons once more in the same cells and once in finer
-/// ones); with `interaural` 16 renders.
+/// half the size change for the same photons (0.05 m at least; cells of that size have no such part).  SourceField::t20_error is a mean
+/// over places. The parameters of `request` are by repetition, of a bidirectional trace eight times with all of its rays; with a field they
+/// have no error.  render_ears: with request.interaural, null where there are no ears: IACC also has the noise of its carriers, found from
+/// eight others under the same response. Cost: the metrics of one response per batch and octave of time, or one more trace and the better
+/// response (bidirectional, with a request: eight traces); with `interaural` 16 renders.  With a field: its photons, kMostPhotonsOfErrors
+/// at most, once more in the same cells and once in finer ones; of a field with more, twice in the same cells.  The finer field has eight
+/// times the cells, each with 2 bytes per merged bin that holds energy (field_bins), coefficient and padded band: up to eight times the
+/// memory of the field, for as long as it is measured.
 MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidates& candidates, const SourceField* field,
                              glm::vec3 listener, const EnergyResponse& response, const ParameterRequest& request = {},
                              const RenderEars& render_ears = {});

@@ -164,7 +164,7 @@ void AcousticSurfaces::join_edges_to_planes() {
   if (diffraction_edges_ == nullptr) return;
   panel_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, planes_.plane_of_triangle, planes_.planes.size());
   panel_shapes_ = std::make_shared<const PanelShapes>(*scene_, *panel_edges_, planes_.plane_of_triangle, planes_.planes.size(),
-                                                      diffraction_edges_->size());
+                                                      diffraction_edges_->size(), config_.diffraction_reflections == 0);
   if (!folds_.planes.empty())
     fold_edges_ = std::make_shared<const PanelEdges>(*scene_, *diffraction_edges_, folds_.fold_of_triangle, folds_.planes.size() + 1);
 }

@@ -180,7 +180,9 @@ std::optional<PanelShape> standing_panel(const Scene& scene, std::span<const std
   if (shape.base_plane == plane) return {};
   const glm::dvec3 behind = top_middle - 0.5 * height_m * shape.up - kOffM * shape.normal;
   const Hit back = along(scene, behind, -shape.normal, kSheetFraction * height_m);
-  const bool is_thick = back.valid() && std::abs(glm::dot(glm::dvec3(back.normal), shape.normal)) > kLeastUpright;
+  // Not a wall close behind a sheet.
+  const bool is_thick = !sides.is_rim && back.valid() && double{back.distance_m} <= sides.widest_other_m + 2 * kOffM &&
+                        std::abs(glm::dot(glm::dvec3(back.normal), shape.normal)) > kLeastUpright;
   shape.back_plane = is_thick ? plane_of_triangle[back.triangle] : plane;
   return shape;
 }
@@ -198,7 +200,7 @@ bool PanelShape::holds(glm::dvec3 point) const {
 }
 
 PanelShapes::PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<const std::uint32_t> plane_of_triangle,
-                         std::size_t num_planes, std::size_t num_edges) {
+                         std::size_t num_planes, std::size_t num_edges, bool with_standing) {
   std::vector<const PanelEdge*> members;
   for (std::uint32_t plane = 0; plane < num_planes; ++plane) {
     const std::span<const PanelEdge> sides = edges.of(plane);
@@ -215,6 +217,7 @@ PanelShapes::PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<
           members.push_back(&sides[i]);
         }
       if (std::optional<PanelSides> found = sides_of(members)) {
+        if (!found->is_closed() && !with_standing) continue;
         if (std::optional<PanelShape> shape =
                 found->is_closed() ? free_panel(*found) : standing_panel(scene, plane_of_triangle, plane, *found)) {
           shape->plane = plane;
@@ -223,7 +226,7 @@ PanelShapes::PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<
       }
     }
   }
-  add_backs();
+  add_backs(scene, plane_of_triangle);
   sort(num_planes);
   find_bases();
   if (shapes_.empty()) return;
@@ -236,7 +239,31 @@ PanelShapes::PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<
     }
 }
 
-void PanelShapes::add_backs() {
+bool PanelShapes::ends_in_air(const Scene& scene, std::span<const std::uint32_t> plane_of_triangle, const PanelShape& base) const {
+  const auto stands_on_it = [&](std::uint32_t plane) {
+    return std::ranges::any_of(shapes_, [&](const PanelShape& panel) {
+      return panel.base_plane == base.plane && (panel.plane == plane || panel.back_plane == plane);
+    });
+  };
+  constexpr int most_panels = 16;
+  for (std::size_t a = 0; a < 2; ++a)
+    for (const double sign : {-1.0, 1.0})
+      for (const double beside : {-0.45, 0.05, 0.55}) {
+        const glm::dvec3 direction = sign * base.axis[a];
+        glm::dvec3 from = base.centre + kOffM * base.normal + beside * base.half_side_m[1 - a] * base.axis[1 - a];
+        double left_m = base.half_side_m[a] + kWallM;
+        for (int i = 0; left_m > 0; ++i) {
+          const Hit hit = along(scene, from, direction, left_m);
+          if (!hit.valid()) break;
+          if (i == most_panels || !stands_on_it(plane_of_triangle[hit.triangle])) return false;
+          const double step_m = double{hit.distance_m} + kOffM;
+          from += step_m * direction, left_m -= step_m;
+        }
+      }
+  return true;
+}
+
+void PanelShapes::add_backs(const Scene& scene, std::span<const std::uint32_t> plane_of_triangle) {
   const auto back_of = [](PanelShape shape) {
     shape.normal = -shape.normal;
     shape.is_sheet = true;
@@ -272,7 +299,8 @@ void PanelShapes::add_backs() {
     // The base of panels that stand at its ends has no free edges on their side.
     if (at(panel.base_plane, panel.up, panel.centre) != shapes_.end()) continue;
     const auto below = at(panel.base_plane, -panel.up, panel.centre);
-    if (below != shapes_.end() && !below->stands()) shapes_.push_back(back_of(*below));
+    if (below == shapes_.end() || below->stands()) continue;
+    if (const PanelShape base = back_of(*below); ends_in_air(scene, plane_of_triangle, base)) shapes_.push_back(base);
   }
 }
 

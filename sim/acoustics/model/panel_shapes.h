@@ -58,9 +58,10 @@ struct PanelShape {
 class PanelShapes {
  public:
   static constexpr std::uint32_t kNone = PanelShape::kNone;
-  /// A few us per panel, and half a dozen rays for one that may stand on another surface.
+  /// with_standing: false leaves out panels that stand on another surface, where reflections before and after edges (edge_reflections.h)
+  /// are what their rims do to its image.  A few us per panel, and half a dozen rays for one that may stand.
   PanelShapes(const Scene& scene, const PanelEdges& edges, std::span<const std::uint32_t> plane_of_triangle, std::size_t num_planes,
-              std::size_t num_edges);
+              std::size_t num_edges, bool with_standing);
   [[nodiscard]] std::span<const PanelShape> all() const { return shapes_; }
   /// The panel of a plane that a point of the plane lies on, on the side of `from`; null: none.
   [[nodiscard]] const PanelShape* find(std::uint32_t plane, glm::dvec3 point, glm::dvec3 from) const;
@@ -76,7 +77,9 @@ class PanelShapes {
  private:
   /// Keeps one of two panels that end at each other.  Where two sides share a plane, the other side of one that stands, and of a base, is
   /// one too.
-  void add_backs();
+  void add_backs(const Scene& scene, std::span<const std::uint32_t> plane_of_triangle);
+  /// Whether a base is in the air beyond its four ends on its own side, panels that stand on it apart: the floor of a room is not.
+  [[nodiscard]] bool ends_in_air(const Scene& scene, std::span<const std::uint32_t> plane_of_triangle, const PanelShape& base) const;
   /// By plane.
   void sort(std::size_t num_planes);
   void find_bases();

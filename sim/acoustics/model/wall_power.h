@@ -58,9 +58,9 @@ double band_mean_sinc(double low_hz, double high_hz, double distance_m, double s
 ///
 /// with half sides b <= a and the complete elliptic integral E, so that l is that of a small disc or strip (Rayleigh 1897), and the two
 /// constants from boundary elements: rectangles of 0.1 to 1.6 waves within 0.1 dB, root mean square.  What stands on a floor has its
-/// image there as a part of it.  Pairs and corners have D (1 - T + (T / 2)^4) of such a piece.  Furniture beside the foot, holes, and
-/// outlines that are no rectangles are left out.  Folded surfaces count as one mirror in bands in which image paths see one
-/// (folded_planes.h).
+/// image there as a part of it.  Pairs and corners have D (1 - T + (T / 2)^4) of such a piece.  Pieces below 0.04 m2 do not
+/// count, nor does a plane of many of them that are not connected (rows of small blocks).  Furniture beside the foot, holes, and outlines
+/// that are no rectangles are left out.  Folded surfaces count as one mirror in bands in which image paths see one (folded_planes.h).
 ///
 /// Patterns of sources play no part: where the factor matters the wave is longer than most sources, which then radiate alike all round.
 ///

@@ -31,7 +31,8 @@ class DiffractionCandidates {
   ///
   /// Amplitude and phase per band at its centre: EdgePathField times 1 / (4 pi r) and air.  Faces reflect with the root of their specular
   /// reflectance, (1 - absorption)(1 - scattering), so that the field joins the image paths.  Source and listener swapped give the bits of
-  /// the same distances, amplitudes and phases wherever both find the same sequences.  No allocation once `arrivals` has room for them.
+  /// the same distances, amplitudes and phases wherever both find the same sequences; where the shadow of a standing panel is part of
+  /// `arrivals` (early_reflections.h), the same within rounding.  No allocation once `arrivals` has room for them.
   ///
   /// Behind a screen, paths are arrivals of their own, and their energy together is at most that of the sound that the screen holds back,
   /// the direct sound's.  In sight the energy of direct sound and images is complete without edges, which only move it about near shadow

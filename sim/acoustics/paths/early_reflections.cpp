@@ -406,7 +406,7 @@ void EarlyCandidates::find_arrivals(const AcousticScene& scene, glm::vec3 listen
     arrivals.push_back(arrival);
     if (scattered != nullptr && missing.order > 0) scattered->push_back(missing);
   }
-  if (in_sight) find_panel_waves(scene, listener, arrivals, scattered);
+  if (in_sight) find_panel_waves(scene, listener, with_standing, arrivals, scattered);
   if (with_standing) find_standing_waves(scene, listener, arrivals, scattered);
   // Insertion sort: a few dozen entries, stable (ties stay in the order of their sequences), no allocation.
   for (std::size_t i = first + 1; i < arrivals.size(); ++i) {

@@ -33,7 +33,8 @@ class EarlyCandidates {
   /// Appends the valid arrivals at `listener`: direct sound if `in_sight` (line_of_sight.h), then image paths whose every segment is
   /// confirmed by a ray. A path through the edge of two planes, which two sequences find, counts once.  Arrivals that carry no energy
   /// (fully absorbing or fully scattering surfaces) or come after config.rir_length_s are left out.  The appended part is sorted by
-  /// (distance, plane sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes.
+  /// (distance, plane sequence): same input, same bits.  Source and listener swapped give the bits of the same distances and amplitudes,
+  /// but where a panel that stands on another casts a shadow (find_standing_waves): there the same within rounding.
   /// A folded surface (folded_planes.h) is one mirror in bands in which the ways between its top and bottom differ by an eighth of a wave
   /// at most, the planes that it consists of from a quarter on.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, bool in_sight, std::vector<Arrival>& arrivals) const;
@@ -45,15 +46,16 @@ class EarlyCandidates {
   /// The same, with a ray of its own for the line of sight.
   void find_arrivals(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals) const;
   /// Appends what the panels in the air that the source sees largest (DiffractionCandidates::panels) send to their sides, unsorted: one
-  /// wave of each whose point of reflection is off the panel.  Part of find_arrivals if in_sight.  At most kMostPanelPaths; energy of
-  /// weaker ones, and of those 40 dB below the direct sound in all bands, is `scattered`.  A wave is lost where something hides the point
-  /// of its panel that is nearest to that of reflection.
-  void find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
+  /// wave of each whose point of reflection is off the panel.  Part of find_arrivals if in_sight.  with_standing: find_standing_waves
+  /// follows, so that panels that stand on others do not hide them.  At most kMostPanelPaths of each kind; energy of weaker ones, and of
+  /// those 40 dB below the direct sound in all bands, is `scattered`.  A wave is lost where something hides the point of its panel that is
+  /// nearest to that of reflection.
+  void find_panel_waves(const AcousticScene& scene, glm::vec3 listener, bool with_standing, std::vector<Arrival>& arrivals,
                         std::vector<Arrival>* scattered) const;
   /// The same of thin panels that stand on another surface (PanelShape::stands), in place of their images and of images by one reflection
   /// in their base as well: to their side of the source from the source and from its image in the base, whether images are in sight or
-  /// not; on their other side the same with the opposite sign is the shadow, which joins direct sound and the reflection of the base.
-  /// After find_panel_waves; part of find_arrivals if in_sight.
+  /// not, each if both ends see its point of the panel; on their other side the same with the opposite sign is the shadow, which joins
+  /// direct sound and the reflection of the base. After find_panel_waves; part of find_arrivals if in_sight.
   void find_standing_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
                            std::vector<Arrival>* scattered) const;
   /// Direct sound of a point in sight, without its emission.  False where it comes after config.rir_length_s, or direct sound is off.

@@ -21,6 +21,7 @@ namespace {
 
 constexpr double kLeastOfDirect = 0.01;        // pressure of a panel's wave, in its loudest band
 constexpr double kInset = 0.02;                // of rays to a panel
+constexpr double kOffPanelM = 1e-3;            // of their ends from it
 constexpr std::uint32_t kPanelBit = 1U << 30;  // tells panels from edges in an identity
 
 std::uint64_t wave_identity(const PanelShape& panel, std::uint32_t index) {
@@ -106,7 +107,7 @@ bool EarlyCandidates::weigh_folds(const AcousticScene& scene, std::span<const st
   return is_audible;
 }
 
-void EarlyCandidates::find_panel_waves(const AcousticScene& scene, glm::vec3 listener, std::vector<Arrival>& arrivals,
+void EarlyCandidates::find_panel_waves(const AcousticScene& scene, glm::vec3 listener, bool with_standing, std::vector<Arrival>& arrivals,
                                        std::vector<Arrival>* scattered) const {
   const glm::dvec3 from(source()), to(listener);
   const std::size_t first = arrivals.size();
@@ -121,7 +122,7 @@ void EarlyCandidates::find_panel_waves(const AcousticScene& scene, glm::vec3 lis
     // Rays to a point a little inside: the first thing that they meet is the panel.
     const glm::dvec3 inside = wave.at() + kInset * (panel.centre - wave.at());
     const double inside_m = glm::length(inside - to);
-    const StandingPanels standing(scene, diffraction_.panels(), panel.plane);
+    const StandingPanels standing(scene, with_standing ? diffraction_.panels() : std::span<const std::uint32_t>(), panel.plane);
     const Hit hit = standing.hit_past(listener, glm::vec3((inside - to) / inside_m));
     if (!hit.valid() || scene.plane_of_triangle()[hit.triangle] != panel.plane) continue;
     if (!standing.is_free(offset_from_surface(hit.position, glm::vec3(panel.normal)), source())) continue;
@@ -205,6 +206,12 @@ StandingWaves standing_waves(const WaveLanes& wave, const PanelShape& panel, con
   return waves;
 }
 
+/// Between the two faces of a standing panel; 0 of a sheet.
+double thickness_m(const AcousticScene& scene, const PanelShape& panel) {
+  if (panel.back_plane == panel.plane || panel.back_plane == PanelShape::kNone) return 0;
+  return std::abs(ExactPlane(scene.planes()[panel.back_plane]).height(panel.centre + 0.5 * panel.height_m() * panel.up));
+}
+
 /// Sets amplitudes and phases of a wave over a way of distance_m, relative to an image at image_m.  Returns false if silent.
 template <class Gain>
 bool set_wave(const AcousticScene& scene, std::span<const EdgeBands> groups, std::span<const ComplexLanes> pressure, double image_m,
@@ -255,9 +262,16 @@ void EarlyCandidates::find_standing_waves(const AcousticScene& scene, glm::vec3 
       return point + (std::clamp(std::abs(height_m), kInset * panel.height_m(), (1 - kInset) * panel.height_m()) - height_m) * panel.up;
     };
     const StandingPanels standing(scene, diffraction_.panels(), panel.base_plane);
-    if (reflects && !(standing.is_free(listener, glm::vec3(upper(alone.at()) + 1e-3 * panel.normal)) &&
-                      standing.is_free(source(), glm::vec3(upper(alone.at()) + 1e-3 * panel.normal))))
-      continue;
+    const double listener_off_m = reflects ? kOffPanelM : -(thickness_m(scene, panel) + kOffPanelM);
+    const auto way_m = [&](glm::dvec3 start, glm::dvec3 point) { return glm::length(point - start) + glm::length(b - point); };
+    const double alone_m = way_m(a, alone.at()), by_base_m = way_m(panel.in_base(a), by_base.at());
+    const auto is_heard = [&](const PanelWave& wave, double distance_m) {
+      const glm::dvec3 at = upper(wave.at());
+      return distance_m <= scene.max_path_m() && standing.is_free(source(), glm::vec3(at + kOffPanelM * panel.normal)) &&
+             standing.is_free(listener, glm::vec3(at + listener_off_m * panel.normal));
+    };
+    const bool alone_is_heard = is_heard(alone, alone_m), by_base_is_heard = is_heard(by_base, by_base_m);
+    if (!alone_is_heard && !by_base_is_heard) continue;
     const glm::dvec3 middle =
         panel.centre + glm::dot(alone.at() - panel.centre, panel.axis[0]) * panel.axis[0] + 0.5 * panel.height_m() * panel.up;
     std::optional<std::array<PanelWave, 2>> at_panel;
@@ -268,19 +282,17 @@ void EarlyCandidates::find_standing_waves(const AcousticScene& scene, glm::vec3 
       alone_pressure[group] = waves.alone;
       by_base_pressure[group] = waves.by_base;
     }
-    const auto way_m = [&](glm::dvec3 start, glm::dvec3 point) { return glm::length(point - start) + glm::length(b - point); };
-    const double alone_m = way_m(a, alone.at()), by_base_m = way_m(panel.in_base(a), by_base.at());
     const std::uint32_t material = scene.planes()[panel.plane].material, base_material = scene.planes()[panel.base_plane].material;
     const auto cosine = [](double heights_m, double image_m) { return std::min(std::abs(heights_m) / image_m, 1.0); };
     const double up_m = glm::dot(from + to - 2.0 * panel.centre, panel.up), off_m = glm::dot(from + end - 2.0 * panel.centre, panel.normal);
     const auto by = [&](std::uint32_t slot, int band, double at) { return mirror_reflection(scene, slot, band, at); };
-    if (alone_m > scene.max_path_m() || by_base_m > scene.max_path_m()) continue;
     Arrival path;
     path.kind = ArrivalKind::diffraction;
     path.order = 1;
     if (!reflects) {
       const auto turned = [](double energy, double phase_rad) { return MirrorReflection{energy, phase_rad + std::numbers::pi}; };
-      Arrival* const base = [&] {
+      Arrival* const base = [&]() -> Arrival* {
+        if (!by_base_is_heard) return nullptr;
         const std::uint32_t plane = panel.base_plane;
         Arrival* const image = find(path_identity(ArrivalKind::reflection, std::span(&plane, 1)));
         return image != nullptr || panel.base_panel == PanelShape::kNone ? image
@@ -295,7 +307,7 @@ void EarlyCandidates::find_standing_waves(const AcousticScene& scene, glm::vec3 
                                  path))
         add_wave(groups, path, *base);
       // Near the shadow's boundary the wave of the rim is part of the direct sound already (diffraction_paths.h).
-      Arrival* const direct = find(path_identity(ArrivalKind::direct, {}));
+      Arrival* const direct = alone_is_heard ? find(path_identity(ArrivalKind::direct, {})) : nullptr;
       if (direct != nullptr && set_wave(
                                    scene, groups, alone_pressure, alone.image_m(), alone_m,
                                    [&](double wavenumber, int) {
@@ -328,8 +340,8 @@ void EarlyCandidates::find_standing_waves(const AcousticScene& scene, glm::vec3 
           path);
       if (is_audible) arrivals.push_back(path);
     };
-    send(alone, alone_pressure, alone_m, false);
-    send(by_base, by_base_pressure, by_base_m, true);
+    if (alone_is_heard) send(alone, alone_pressure, alone_m, false);
+    if (by_base_is_heard) send(by_base, by_base_pressure, by_base_m, true);
   }
   keep_strongest(scene, listener, first, arrivals, scattered);
 }

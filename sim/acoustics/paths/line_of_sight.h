@@ -50,7 +50,9 @@ class StandingPanels {
     const std::uint32_t plane = scene_.plane_of_triangle()[hit.triangle];
     for (const std::uint32_t index : panels_) {
       const PanelShape& panel = scene_.panel_shapes()->all()[index];
-      if (panel.stands() && panel.base_plane == base_plane_ && (panel.plane == plane || panel.back_plane == plane)) return true;
+      if (panel.stands() && panel.base_plane == base_plane_ && (panel.plane == plane || panel.back_plane == plane) &&
+          panel.holds(glm::dvec3(hit.position)))
+        return true;
     }
     return false;
   }

@@ -70,7 +70,7 @@ PoseEffects find_paths_of_sphere(const AcousticScene& scene, const EarlyCandidat
   const bool panels = panels_matter(response);
   PoseEffects effects = find_sphere_arrivals(scene, candidates, listener, response.arrivals);
   if (effects.in_sight) {
-    candidates.find_panel_waves(scene, listener, response.arrivals, &response.scattered);
+    candidates.find_panel_waves(scene, listener, false, response.arrivals, &response.scattered);
     std::ranges::stable_sort(response.arrivals, {}, &Arrival::distance_m);
   }
   effects.diffraction = effects.diffraction || (panels && candidates.diffraction().size() > 0);

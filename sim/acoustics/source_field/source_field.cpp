@@ -112,7 +112,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
 }
 
 /// Part of the key: stored fields are built anew once photons or cells give other bits.  Raise it with every change of these bits.
-constexpr std::uint32_t kPassVersion = 16;
+constexpr std::uint32_t kPassVersion = 17;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
@@ -149,6 +149,11 @@ std::uint64_t source_field_key(const AcousticScene& scene, const EarlyCandidates
   // Photons leave out the chains of mirrors that are found as images; with few rays those are fewer.
   if (candidates.long_chains())
     for (const std::uint32_t number : candidates.long_chains()->rule()) append(bytes, number);
+  // Nor those of panels that have waves.
+  for (const std::uint32_t index : candidates.diffraction().panels()) {
+    const PanelShape& panel = scene.panel_shapes()->all()[index];
+    for (const std::uint32_t number : {index, panel.plane, panel.base_plane}) append(bytes, number);
+  }
   append(bytes, c.seed);
   const SoundSource& source = candidates.sound_source();
   append(bytes, source.position);

@@ -33,7 +33,7 @@ constexpr bool is_orderly_end(int code) { return code == kExitDone || code == kE
 /// The table in words, for help.
 inline std::string exit_code_table() {
   return "Exit codes: 0 done; 1 failed; 2 bad usage or bad input; 3 lost its workers or its run, and may be started again (train: with\n"
-         "--resume); 130 interrupted (SIGINT) and 143 asked to end (SIGTERM, SIGHUP, SIGUSR1), with a checkpoint written.";
+         "--resume or --elastic); 130 interrupted (SIGINT) and 143 asked to end (SIGTERM, SIGHUP, SIGUSR1), with a checkpoint written.";
 }
 
 }  // namespace earshot

@@ -211,10 +211,12 @@ class MpiExchange : public WorkerExchange {
   /// The world is the launcher's, and no link without keys leaves the host unasked.
   void check_world() {
     const auto [rank, world_size] = config_.identity;
-    if (identity_.world_size != world_size || identity_.rank != rank)
+    if (identity_.world_size != world_size || identity_.rank != rank) {
+      library_.is_whole = false;  // others may have found no fault, and would wait in MPI_Finalize for this one
       throw InputError("network.collective = mpi",
                        fmt::format("MPI says rank {} of {}, the launcher {} of {}", identity_.rank, identity_.world_size, rank, world_size),
                        "start the workers with mpirun, or with srun --mpi=pmix");
+    }
     MPI_Comm host = MPI_COMM_NULL;
     int on_host = 0;
     check(MPI_Comm_split_type(control_.get(), MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &host), "MPI_Comm_split_type");
@@ -312,6 +314,13 @@ class MpiExchange : public WorkerExchange {
     if (!is_root()) return send(0, notice);
     for (int rank = 1; rank < identity_.world_size; ++rank) send(rank, notice);
   }
+  /// Rank 0: to all but its sender.  What has ended the run is said to have, also where a send fails.
+  void forward(const Notice& stop, int sender) {
+    for (int rank = 1; rank < identity_.world_size; ++rank) try {
+        if (rank != sender) send(rank, stop);
+      } catch (const RunError&) {
+      }
+  }
   void send(int rank, const Notice& notice) {
     reap();
     Sent& sent = sent_.emplace_back(Sent{notice, MPI_REQUEST_NULL});
@@ -372,7 +381,7 @@ class MpiExchange : public WorkerExchange {
       case Notice::Kind::stop:
         if (stop_) return;
         stop_ = notice;
-        if (is_root()) tell(notice);
+        if (is_root()) forward(notice, from);
         return;
     }
   }

@@ -86,6 +86,7 @@ TEST_F(BoardCli, RunsOfASweepOneByOneGiveTheSweep) {
   EXPECT_EQ(std::ranges::count(numbers("apart"), '\n'), 4);
   expect_refused("sweep " + path("apart.yaml") + " --run base/seed_3",
                  AllOf(HasSubstr("base/seed_3"), HasSubstr("base/seed_1, base/seed_2")));
+  expect_refused("sweep " + path("apart.yaml") + " --run base/seed_1 --json " + path("numbers.json"), HasSubstr("--json"));
 }
 
 TEST_F(BoardCli, SweepsGoOnWhereTheyWereStopped) {

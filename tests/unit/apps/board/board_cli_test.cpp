@@ -49,6 +49,7 @@ TEST_F(BoardCli, PartsOfAnEvaluationAreJoinedOrRefused) {
   expect_refused(common + parts + " --shard 1/3", HasSubstr("'parts: 2' there, 'parts: 3' here"));
   expect_refused(common + parts, HasSubstr("--shard K/N and --parts FOLDER"));
   expect_refused(common + parts + " --shard 1/2 --workers 2", HasSubstr("--workers"));
+  expect_refused(common + parts + " --shard 1/2 --benchmark any.yaml", HasSubstr("cannot be combined with --benchmark"));
   expect_refused(common + parts + " --shard 1/2 --set env.stage_limit_s=1", HasSubstr("env.stage_limit_s"));
   expect_done(common + parts + " --shard 1/2 --out " + path("joined.json"));
   EXPECT_EQ(read_file(path("joined.json")), read_file(path("one.json")));

@@ -124,6 +124,7 @@ TEST_F(MeasuredResponsesCli, RefusesWhatIsNotMeasured) {
   std::filesystem::create_directories(path("silent"));
   write_wav(path("silent/a.wav"), std::vector<float>(100, 0.f), 1, kRateHz);
   expect_refused(signals("silent", "refused"), "is silent", "refused");
+  expect_refused(signals("room", "room/refused"), "CORPUS", "room/refused");
   expect_refused(signals("room", "refused", "--talkers 2"), "fewer talkers", "refused");
   expect_refused(signals("room", "refused", "--early"), "early", "refused");
   write_text(path("room/places.yaml"), "responses:\n  - {file: b.wav, source: [1, 1, 1], listener: [2, 1, 1]}\n");

@@ -72,9 +72,11 @@ void expect_identity(const LaunchedWorker& worker, const char* launcher, int ran
 }
 
 TEST(LauncherEnvironment, SaysWhatMpiAndGlooMeetBy) {
-  EXPECT_EQ(worker_of(kTorchrun).ring.launcher_store, "tcp://10.1.0.1:29500");
-  EXPECT_EQ(worker_of(with(kTorchrun, {{"TORCHELASTIC_USE_AGENT_STORE", "False"}})).ring.launcher_store, "");
-  EXPECT_EQ(worker_of(with(kTorchrun, {{"EARSHOT_RENDEZVOUS", "tcp://h:7000"}})).ring.launcher_store, "") << "stated by the user";
+  // Restarts under one run id meet in one folder, each with a file of Gloo of its own.
+  const Variables named = with(kOpenMpi, {{"EARSHOT_RUN_ID", "all starts"}}), restarted = with(named, {{"PMIX_NAMESPACE", "3235"}});
+  EXPECT_EQ(worker_of(named).folder, worker_of(restarted).folder);
+  EXPECT_NE(worker_of(named).ring.start_id, worker_of(restarted).ring.start_id);
+  EXPECT_EQ(worker_of(kOwn).ring.start_id, "");
   EXPECT_TRUE(worker_of(kOpenMpi).has_pmix);
   EXPECT_FALSE(worker_of(kSlurm).has_pmix);
   EXPECT_TRUE(worker_of(with(kSlurm, {{"PMIX_RANK", "5"}, {"PMIX_NAMESPACE", "slurm.pmix.77.0"}})).has_pmix);

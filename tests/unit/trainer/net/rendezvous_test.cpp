@@ -151,6 +151,24 @@ TEST(Rendezvous, NoRankZeroEndsAfterTheTimeout) {
   EXPECT_NE(error_message([&] { make_zmq_ring(config); }).find("worker 0 did not answer within 300 ms"), std::string::npos);
 }
 
+TEST(Rendezvous, OnlyMissingWorkersAreAnIncompleteWorld) {
+  const PrivateTestFolder folder;
+  WorkerProcesses workers(3, [&](int rank) {  // of a start with 2 and one with 3 workers, and of another run
+    RingConfig config = ring_in(folder, rank, rank == 0 ? 2 : 3);
+    if (rank == 0) config.timeout = milliseconds(2000);
+    if (rank == 2) config.run_id = "another";
+    try {
+      make_zmq_ring(config);
+    } catch (const WorldIncomplete&) {
+      return rank != 2;
+    } catch (const RunError&) {
+      return rank == 2;
+    }
+    return false;
+  });
+  workers.expect_all_succeed();
+}
+
 TEST(Rendezvous, BadConfigsAreInputErrors) {
   const PrivateTestFolder folder;
   const RingConfig good = ring_in(folder, 0, 2);

@@ -136,21 +136,93 @@ TEST(StandingPanels, FrontsOnAnEndlessFloorAreDoubledOnes) {
 // signs.  In the middle of wide shadows little is left; low screens hold nothing back.
 TEST(StandingPanels, ShadowsGrowWithFrequency) {
   for (std::uint32_t i = 60; i < 70; ++i) {
-    const double height_m = drawn(i, 0, 0.5, 0.9), back_m = drawn(i, 1, 1.5, 3);
-    const Structure front = with_uprights("front", 400, height_m, {0}, 0);
-    const AcousticScene scene(drawn_out(front), config_of(true));
-    // Both see each other over the screen, and the way by the floor passes through it, halfway up.
-    const double heights_m = height_m * drawn(i, 2, 2.2, 3);
-    const double rise = 0.5 * height_m / (0.25 * back_m);
-    const EarlyCandidates candidates(scene, glm::vec3(-1.5 * back_m, std::max(heights_m, rise), 0.f));
+    const double height_m = drawn(i, 0, 0.5, 0.9), away_m = height_m * drawn(i, 1, 2.5, 3.5);
+    const AcousticScene scene(drawn_out(with_uprights("screen", 400, height_m, {0}, 0)), config_of(true));
+    // Both see each other over the screen by a little, and the way by the floor passes through the foot of the screen.
+    const double over_m = height_m * drawn(i, 2, 1.1, 1.3);
+    const EarlyCandidates candidates(scene, glm::vec3(-away_m, over_m, 0.f));
     EnergyResponse response;
-    compute_energy_response(scene, candidates, glm::vec3(back_m, 1.2 * heights_m, 0.1f), response);
+    compute_energy_response(scene, candidates, glm::vec3(1.1 * away_m, 1.1 * over_m, 0.1f), response);
     const std::uint64_t floor = path_identity(ArrivalKind::reflection, std::array<std::uint32_t, 1>{0});
+    int floors = 0;
+    std::array<double, 8> left{};  // pressure of octaves from 63 Hz, over that without the screen
     for (const Arrival& arrival : response.arrivals) {
       if (arrival.identity != floor) continue;
-      for (int band = 0; band < scene.num_bands(); ++band)
-        EXPECT_LT(arrival.amplitude[band] * 4 * kPi * arrival.distance_m, 1.6) << i << " band " << band;  // a zone plate at most
+      ++floors;
+      for (int band = 0; band < scene.num_bands(); ++band) {
+        const double pressure = arrival.amplitude[band] * 4 * kPi * arrival.distance_m;
+        EXPECT_LT(pressure, 1.6) << i << " band " << band;  // a zone plate at most
+        left[static_cast<std::size_t>(band / kBandsPerOctave)] += pressure / kBandsPerOctave;
+      }
     }
+    EXPECT_EQ(floors, 1) << i;
+    EXPECT_GT(left[0], 0.8) << i;
+    EXPECT_LT(left[6], 0.5) << i;
+  }
+}
+
+/// Two rooms with a wall between them, and a screen in the second one, across the plane in the middle of the first.
+std::shared_ptr<const Scene> screen_next_door(double from_m, double to_m, double height_m) {
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, -4, 0}, {13, 8, 3}, 0);  // a floor too wide for a panel
+  const auto quad = [&](glm::dvec3 start, glm::dvec3 along, double up_m) {
+    const glm::dvec3 end = start + along, up(0, 0, up_m);
+    std::array<glm::vec3, 4> corners;
+    std::size_t i = 0;
+    for (const glm::dvec3 p : {start, end, end + up, start + up}) corners[i++] = rooms::point(p.x, p.y, p.z);
+    rooms::append_quad(mesh, corners, 0);
+  };
+  quad({4, -4, 0}, {0, 12, 0}, 3);
+  if (height_m > 0) quad({from_m, 2.5, 0}, {to_m - from_m, 0, 0}, height_m);
+  return rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)});
+}
+
+TEST(StandingPanels, CastNoShadowsThroughWalls) {
+  for (std::uint32_t i = 100; i < 110; ++i) {
+    const AcousticScene with(screen_next_door(drawn(i, 0, 4.3, 5), drawn(i, 1, 6, 8), drawn(i, 2, 0.8, 2)), config_of(true));
+    const AcousticScene without(screen_next_door(0, 0, 0), config_of(true));
+    const glm::vec3 source = rooms::point(drawn(i, 3, 1, 3.8), drawn(i, 4, 0.5, 2), drawn(i, 5, 0.5, 2));
+    const glm::vec3 listener = rooms::point(drawn(i, 6, 1, 3.8), drawn(i, 7, 3, 4.5), drawn(i, 8, 0.5, 2));
+    const EarlyCandidates candidates(with, source);
+    EXPECT_TRUE(candidates.diffraction().has_standing()) << i;
+    const auto found = coherent_field::arrivals_of(with, candidates, listener),
+               open = coherent_field::arrivals_of(without, source, listener);
+    const glm::vec3 below(source.x, -source.y, source.z);
+    for (const float distance_m : {glm::length(source - listener), glm::length(below - listener)}) {
+      const auto at = [&](const std::vector<Arrival>& arrivals) {
+        return std::ranges::find_if(arrivals, [&](const Arrival& arrival) {
+          return arrival.kind != ArrivalKind::diffraction && std::abs(arrival.distance_m - distance_m) < 1e-4f;
+        });
+      };
+      const auto one = at(found), other = at(open);
+      ASSERT_TRUE(one != found.end() && other != open.end()) << i;
+      EXPECT_EQ(one->distance_m, other->distance_m) << i;
+      EXPECT_EQ(one->amplitude, other->amplitude) << i;
+      EXPECT_EQ(one->phase_rad, other->phase_rad) << i;
+    }
+  }
+}
+
+// A floor within walls has no free edges, whatever stands on it: its images stay as they are in the room without the screen.
+TEST(StandingPanels, TheFloorOfARoomIsNoPanel) {
+  for (std::uint32_t i = 120; i < 130; ++i) {
+    const glm::dvec3 size(drawn(i, 0, 3, 9.5), drawn(i, 1, 3, 9.5), 3);
+    TriangleMesh mesh;
+    rooms::append_box(mesh, {0, 0, 0}, size, 0);
+    const double left = drawn(i, 2, 0.5, 0.4 * size.x), right = drawn(i, 3, 0.6 * size.x, size.x - 0.5), at = 0.5 * size.y;
+    const std::array<glm::vec3, 4> screen{rooms::point(left, at, 0), rooms::point(right, at, 0), rooms::point(right, at, 1.6),
+                                          rooms::point(left, at, 1.6)};
+    rooms::append_quad(mesh, screen, 0);
+    const AcousticScene scene(rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)}), config_of(true));
+    ASSERT_NE(scene.panel_shapes(), nullptr) << i;
+    int standing = 0;
+    for (const PanelShape& shape : scene.panel_shapes()->all()) {
+      standing += shape.stands() ? 1 : 0;
+      // Faces of the box that look outwards are panels in the open.
+      const bool is_floor = !shape.stands() && shape.normal.y > 0.9 && std::abs(shape.centre.y) < 0.1;
+      EXPECT_FALSE(is_floor) << i;
+    }
+    EXPECT_EQ(standing, 2) << i;
   }
 }
 
