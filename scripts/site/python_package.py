@@ -107,7 +107,7 @@ RESULTS = ("Arrivals", "Metrics", "EffectDecision", "AccuracyPlan", "AccuracyCho
 
 
 def main(package: pathlib.Path, version: str, page: pathlib.Path) -> None:
-    for source in sorted(path for pattern in ("*.py", "config/*.py") for path in (ROOT / "python/earshot").glob(pattern)):
+    for source in sorted(path for pattern in ("*.py", "config/*.py", "data/*.py", "integrations/*.py") for path in (ROOT / "python/earshot").glob(pattern)):
         write_if_new(package / source.relative_to(ROOT / "python/earshot"), source.read_bytes())
     for stub in sorted((ROOT / "python/earshot").glob("*.pyi")):
         code = "from __future__ import annotations\n" + stub.read_text(encoding="utf-8") + f'\n__version__ = "{version}"\n__compiler__ = ""\n'
