@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from html import escape
 
@@ -41,7 +42,7 @@ def _draw(times: np.ndarray[tuple[int], np.dtype[np.float64]], responses: int, t
     counts = np.bincount(np.minimum((times / width).astype(np.int64), bins - 1), minlength=bins)
     high = float(counts.max())
     step = max(1.0, _nice(high / 4))
-    top = step * np.ceil(high / step)
+    top = step * math.ceil(high / step)
     span_x, span_y = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
 
     def x(seconds: float) -> float:
