@@ -19,8 +19,8 @@ namespace earshot {
 struct MaterialFitConfig {
   std::vector<std::string> materials;  ///< names of materials of the scene; empty: all
   bool fit_scattering = true;          ///< beside absorption
-  int starts = 12;                     ///< points of the global search
-  int rounds = 8;                      ///< of Gauss-Newton steps from the best of them
+  int starts = 24;                     ///< points of the global search
+  int rounds = 20;                     ///< of Gauss-Newton steps from the best of them
   std::uint64_t seed = 1;
   double t20_error = 0.05;      ///< relative: the just noticeable difference of ISO 3382-1, table A.1
   double ratio_error_db = 1.0;  ///< of C50 and DRR: that of clarity in the same table
