@@ -84,7 +84,9 @@ void expect_near_boundary_elements(int octaves) {
     EXPECT_GT(errors->count, 200);
     EXPECT_LT(errors->root_db(), 3.5);
     EXPECT_LT(errors->root_of_sums_db(), 1.5);
-    for (const double db : errors->worst_sum_db) EXPECT_LT(db, 3.0);
+    // Above 252 Hz cells send sound into each other: 4 dB.
+    for (std::size_t octave = 0; octave < errors->worst_sum_db.size(); ++octave)
+      EXPECT_LT(errors->worst_sum_db[octave], octave < 3 ? 3.0 : 4.0) << octave;
   }
 }
 
