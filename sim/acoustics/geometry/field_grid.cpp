@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 #include <limits>
 #include <numeric>
+
+#include "sim/acoustics/core/sampling.h"
 
 namespace earshot {
 namespace {
@@ -13,9 +16,19 @@ namespace {
 /// Corners of a cube by their distance from one, as bits that differ.
 constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
+/// Does a ray meet the side of a triangle from which its corners run clockwise?
+bool shows_back(const TriangleMesh& mesh, std::uint32_t triangle, glm::vec3 direction) {
+  const glm::uvec3 corners = mesh.triangles[triangle];
+  const glm::vec3 first = mesh.vertices[corners.x];
+  return glm::dot(glm::cross(mesh.vertices[corners.y] - first, mesh.vertices[corners.z] - first), direction) > 0;
+}
+
 }  // namespace
 
-FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) { find_rooms(); }
+FieldGrid::FieldGrid(const Scene& scene, float cell_m) : cells_(scene, cell_m), passages_(cells_) {
+  find_rooms();
+  find_bodies(scene);
+}
 
 /// Numbers rooms in the order of their first cells.
 void FieldGrid::find_rooms() {
@@ -39,6 +52,40 @@ void FieldGrid::find_rooms() {
     if (of_room == cell && air_m3[cell] >= least_m3) room_[cell] = num_rooms_++;
     room_[cell] = room_[of_room];
   }
+}
+
+void FieldGrid::find_bodies(const Scene& scene) {
+  inside_body_.assign(num_rooms_, false);
+  if (num_rooms_ < 2) return;
+  constexpr std::uint32_t most_cells = 8, directions = 16;  // of a room, and of a cell
+  constexpr double of_one_side = 2.0 / 3.0;
+  std::vector<std::vector<std::uint32_t>> cells(num_rooms_);
+  std::vector<double> air_m3(num_rooms_, 0.0), backs(num_rooms_, 0.0);
+  for (std::uint32_t cell = 0; cell < size(); ++cell) {
+    if (room(cell) == no_room) continue;
+    cells[room(cell)].push_back(cell);
+    air_m3[room(cell)] += volume_m3(cell);
+  }
+  for (std::uint32_t number = 0; number < num_rooms_; ++number) {
+    const auto count = static_cast<std::uint32_t>(cells[number].size()), views = std::min(count, most_cells);
+    double seen = 0, back = 0;
+    for (std::uint32_t view = 0; view < views; ++view) {
+      const glm::vec3 origin = inside(cells[number][view * count / views]);
+      for (std::uint32_t i = 0; i < directions; ++i) {
+        const glm::vec3 direction = SphereSequence(0, 0).direction(view * directions + i);
+        const Hit hit = scene.rays().intersect(origin, direction);
+        if (!hit.valid()) continue;
+        ++seen;
+        back += shows_back(scene.mesh(), hit.triangle, direction) ? 1 : 0;
+      }
+    }
+    backs[number] = seen > 0 ? back / seen : 0.5;
+  }
+  const auto largest = static_cast<std::size_t>(std::ranges::max_element(air_m3) - air_m3.begin());
+  const bool turned = backs[largest] > 0.5;  // walls whose outer faces count as their fronts
+  const auto front = [&](std::size_t number) { return turned ? backs[number] : 1 - backs[number]; };
+  if (front(largest) < of_one_side) return;
+  for (std::uint32_t number = 0; number < num_rooms_; ++number) inside_body_[number] = 1 - front(number) >= of_one_side;
 }
 
 /// The cell of a box that a segment crosses, or no_cell.  known: the cell found without a ray.  previous_cell: a cell of this box or of one

@@ -30,9 +30,9 @@ class FieldGrid {
   FieldGrid(const Scene& scene, float cell_m);
 
   [[nodiscard]] std::size_t size() const { return cells_.size(); }
-  [[nodiscard]] std::size_t bytes() const { return cells_.bytes() + passages_.bytes() + bytes_of(room_); }  ///< of memory
-  [[nodiscard]] glm::vec3 edge_m() const { return cells_.boxes().edge_m(); }                                ///< of a whole box
-  [[nodiscard]] glm::vec3 inside(std::uint32_t cell) const { return cells_[cell].view[0]; }                 ///< a point of the cell
+  [[nodiscard]] std::size_t bytes() const { return cells_.bytes() + passages_.bytes() + bytes_of(room_) + num_rooms_ / 8; }  ///< of memory
+  [[nodiscard]] glm::vec3 edge_m() const { return cells_.boxes().edge_m(); }                 ///< of a whole box
+  [[nodiscard]] glm::vec3 inside(std::uint32_t cell) const { return cells_[cell].view[0]; }  ///< a point of the cell
   [[nodiscard]] float volume_m3(std::uint32_t cell) const { return cells_[cell].volume_m3; }
 
   /// In place of a room: that of a cell of a pocket of air too small to be one.
@@ -41,6 +41,9 @@ class FieldGrid {
   /// alone.
   [[nodiscard]] std::uint32_t room(std::uint32_t cell) const { return room_[cell]; }
   [[nodiscard]] std::uint32_t num_rooms() const { return num_rooms_; }
+  /// Is a room the inside of a body, as of a wardrobe or a wall of two faces?  From there two thirds of what is in sight or more turn the
+  /// other side of their triangles than in the largest room.  Of no room where the largest one shows both sides.
+  [[nodiscard]] bool inside_body(std::uint32_t room) const { return inside_body_[room]; }
 
   /// A segment of a ray inside one cell, metres from its origin.
   struct Crossing {
@@ -69,6 +72,7 @@ class FieldGrid {
 
  private:
   void find_rooms();
+  void find_bodies(const Scene& scene);
   [[nodiscard]] std::uint32_t cell_after(std::uint32_t previous_cell, std::uint32_t known, std::size_t box, glm::vec3 enter,
                                          glm::vec3 leave) const;
 
@@ -76,6 +80,7 @@ class FieldGrid {
   CellPassages passages_;
   std::vector<std::uint32_t> room_;  ///< [cells]
   std::uint32_t num_rooms_ = 0;
+  std::vector<bool> inside_body_;  ///< [rooms]
 };
 
 }  // namespace earshot

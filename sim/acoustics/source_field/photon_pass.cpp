@@ -144,9 +144,10 @@ std::uint32_t room_at(const FieldGrid& grid, glm::vec3 point) {
 }
 
 template <int W>
-void trace_rooms(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
+void trace_rooms(const Trace& trace, const FieldGrid& grid, std::uint32_t source_room, std::uint32_t chunk, PhotonTracks& tracks,
+                 TraceStats& stats) {
   const std::uint64_t seed = trace.scene.config().seed;
-  const std::uint32_t first = chunk * kPhotonsPerChunk, source_room = room_at(grid, trace.source);
+  const std::uint32_t first = chunk * kPhotonsPerChunk;
   Rooms<W> rooms(trace, grid, source_room, kPhotonsPerChunk);
   std::vector<Photon<W>> photons;
   for (std::uint32_t i = 0; i < kPhotonsPerChunk; ++i) {
@@ -172,10 +173,19 @@ void trace_rooms(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk,
   }
 }
 
+/// Does air lie behind walls where a listener may be?  The insides of wardrobes and of walls count only where the source is in one: they
+/// are small and hard, and photons that bounce in them would take several times the work of the rooms.
+bool has_rooms_behind_walls(const FieldGrid& grid, std::uint32_t source_room) {
+  for (std::uint32_t room = 0; room < grid.num_rooms(); ++room)
+    if (room != source_room && !grid.inside_body(room)) return true;
+  return false;
+}
+
 template <int W>
 void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
-  if (trace.walls != nullptr && grid.num_rooms() > 1)
-    trace_rooms<W>(trace, grid, chunk, tracks, stats);
+  const std::uint32_t source_room = trace.walls != nullptr && grid.num_rooms() > 1 ? room_at(grid, trace.source) : FieldGrid::no_room;
+  if (trace.walls != nullptr && grid.num_rooms() > 1 && has_rooms_behind_walls(grid, source_room))
+    trace_rooms<W>(trace, grid, source_room, chunk, tracks, stats);
   else
     trace_one_room<W>(trace, grid, chunk, tracks, stats);
 }

@@ -112,7 +112,7 @@ void add_parts(std::span<const Part> parts, const WideningBins& bins, std::size_
 }
 
 /// Part of the key: stored fields are built anew once photons or cells give other bits.  Raise it with every change of these bits.
-constexpr std::uint32_t kPassVersion = 17;
+constexpr std::uint32_t kPassVersion = 18;
 
 FieldHeader header_of(std::span<const std::byte> image) {
   FieldHeader header;
