@@ -40,14 +40,6 @@ bool carried_elsewhere(const Trace& trace, const RayState<W>& photon) {
   return trace.candidates.contains(std::span(photon.chain.data(), static_cast<std::size_t>(photon.chain_length)));
 }
 
-/// Notes the room that a photon has come to.
-template <int W>
-void note_room(const FieldGrid& grid, Photon<W>& photon) {
-  if (photon.cell >= FieldGrid::gap || grid.room(photon.cell) == FieldGrid::no_room) return;
-  photon.room = grid.room(photon.cell);
-  photon.visited |= Rooms<W>::bit_of(photon.room);
-}
-
 /// Follows a photon until it has gone `until_m` and stands at a surface, or ends.  rooms: null where there is one at most, or no sound goes
 /// through walls.
 template <int W>
@@ -71,7 +63,7 @@ void advance(const Trace& trace, const FieldGrid& grid, Rooms<W>* rooms, Photon<
       if (std::isfinite(sum_over_bands<W>(photon.throughput))) {
         const auto first = static_cast<std::uint32_t>(tracks.crossings.size());
         photon.cell = grid.cross(photon.origin, photon.direction, length_m, tracks.crossings, photon.cell);
-        if (rooms != nullptr) note_room(grid, photon);
+        if (rooms != nullptr) rooms->note(photon);
         tracks.segments.push_back({photon.direction, photon.path_m, first, static_cast<std::uint32_t>(tracks.crossings.size())});
         tracks.energy.insert(tracks.energy.end(), photon.throughput, photon.throughput + W);
       } else {
@@ -173,8 +165,7 @@ void trace_rooms(const Trace& trace, const FieldGrid& grid, std::uint32_t source
   }
 }
 
-/// Does air lie behind walls where a listener may be?  The insides of wardrobes and of walls count only where the source is in one: they
-/// are small and hard, and photons that bounce in them would take several times the work of the rooms.
+/// Is there a room behind walls, where a listener may be?  The inside of a wardrobe is none (PhotonRooms).
 bool has_rooms_behind_walls(const FieldGrid& grid, std::uint32_t source_room) {
   for (std::uint32_t room = 0; room < grid.num_rooms(); ++room)
     if (room != source_room && !grid.inside_body(room)) return true;

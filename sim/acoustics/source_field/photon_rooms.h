@@ -27,8 +27,8 @@ inline constexpr double kPhotonTaper = 3e-3, kPhotonUneven = 0.85;
 /// weighing of photons against each other (population_control.h) ends these few, as light as they are.  So a photon that meets a wall to a
 /// room that it has never been in is parted: one half stays with what the wall keeps, the other goes through with the rest (importance
 /// splitting, Kahn and Harris 1951).  The photons of each room are weighed against those of this room alone, and come to the same number in
-/// every room, whatever the wall leaves of them.  No mean changes.  Back through a wall, and where a wall has one room on both sides, they
-/// go by chance.
+/// every room, whatever the wall leaves of them.  No mean changes.  Back through a wall, into a wardrobe, and where a wall has one room on
+/// both sides, they go by chance.
 template <int W, class Photon>
 class PhotonRooms {
  public:
@@ -36,9 +36,13 @@ class PhotonRooms {
   PhotonRooms(const listener_ray::Trace& trace, const FieldGrid& grid, std::uint32_t source_room, std::uint32_t photons)
       : trace_(trace), grid_(grid), source_room_(source_room), photons_(photons), peak_(grid.num_rooms() + 1, 0.0), groups_(peak_.size()) {
     peak_[index_of(source_room)] = photons;
-    const std::uint32_t behind = grid.num_rooms() > 1 ? grid.num_rooms() - 1 : 1;
-    for (std::uint32_t room = 0; room < grid.num_rooms(); ++room) all_rooms_ |= bit_of(room);
-    photons_behind_ = std::clamp(kPhotonsBehind / behind, kLeastBehind, photons);
+    std::uint32_t behind = 0;
+    for (std::uint32_t room = 0; room < grid.num_rooms(); ++room) {
+      if (!counts(room)) continue;
+      all_rooms_ |= bit_of(room);
+      if (room != source_room) ++behind;
+    }
+    photons_behind_ = std::clamp(kPhotonsBehind / std::max(behind, 1u), kLeastBehind, photons);
   }
 
   /// If the wall at which the photon waits leads to a room where it has not been, parts it and keeps the half that goes through.  Returns
@@ -55,6 +59,13 @@ class PhotonRooms {
     through.cell = FieldGrid::no_cell;
     entered_.push_back(through);
     return true;
+  }
+  /// Notes the room that a photon has come to.
+  void note(Photon& photon) const {
+    const std::uint32_t room = photon.cell < FieldGrid::gap ? room_of(photon.cell) : FieldGrid::no_room;
+    if (room == FieldGrid::no_room) return;
+    photon.room = room;
+    photon.visited |= bit_of(room);
   }
   /// Halves that have gone through walls since the last call, in the order in which they did.
   std::vector<Photon> take_entered() { return std::exchange(entered_, {}); }
@@ -86,12 +97,21 @@ class PhotonRooms {
   static std::uint64_t bit_of(std::uint32_t room) { return std::uint64_t{1} << (room % 64); }
 
  private:
-  /// All rooms but that of the source share so many photons of each chunk, but each has the lesser number.
-  static constexpr std::uint32_t kPhotonsBehind = 128, kLeastBehind = 16;
+  /// All rooms but that of the source share so many photons of each chunk, but each has the lesser number.  The inside of a body has few:
+  /// it is a way to the rooms behind it.
+  static constexpr std::uint32_t kPhotonsBehind = 128, kLeastBehind = 16, kInsideBody = 2;
   /// Parted photons of a chunk and stage; all others go by chance.
   static constexpr std::size_t kMostEntered = 2048;
 
   [[nodiscard]] std::size_t index_of(std::uint32_t room) const { return std::min<std::size_t>(room, grid_.num_rooms()); }
+
+  /// The insides of bodies do not, but for that of the source: they are small and hard, and photons that bounce in there would take several
+  /// times the work of the rooms.  Sound goes through a wall of two faces in one step (wall_crossing.h).
+  [[nodiscard]] bool counts(std::uint32_t room) const { return room == source_room_ || !grid_.inside_body(room); }
+  [[nodiscard]] std::uint32_t room_of(std::uint32_t cell) const {
+    const std::uint32_t room = grid_.room(cell);
+    return room != FieldGrid::no_room && counts(room) ? room : FieldGrid::no_room;
+  }
 
   [[nodiscard]] std::uint32_t room_beyond(const Photon& photon) {
     const WallCrossing crossing = cross_wall(trace_.scene.surfaces(), photon.direction, photon.hit);
@@ -100,7 +120,7 @@ class PhotonRooms {
     crossings_.clear();
     grid_.cross(crossing.exit, photon.direction, std::min(hit.distance_m, trace_.max_path_m), crossings_);
     for (const FieldGrid::Crossing& part : crossings_)
-      if (grid_.room(part.cell) != FieldGrid::no_room) return grid_.room(part.cell);
+      if (room_of(part.cell) != FieldGrid::no_room) return room_of(part.cell);
     return FieldGrid::no_room;
   }
 
