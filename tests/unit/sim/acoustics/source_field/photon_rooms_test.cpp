@@ -144,7 +144,7 @@ TEST(PhotonRooms, LeavesToChanceWhereNoRoomIsNew) {
 }
 
 // 2048 halves in a stage, all others go by chance.
-TEST(PhotonRooms, PartsNoMoreThanItsShare) {
+TEST(PhotonRooms, PartsNoMoreThanItsLimit) {
   const TwoRooms two(3);
   Rooms rooms(two.trace, two.grid, two.here, 64);
   int parted = 0;
