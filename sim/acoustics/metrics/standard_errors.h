@@ -29,9 +29,10 @@ inline constexpr std::uint64_t kCarrierStep = 0x9E3779B97F4A7C15ull;
 using RenderEars = std::function<void(const EnergyResponse& response, std::uint64_t carriers, Rir& ears)>;
 
 /// From the batches of a bidirectional response (late_errors.h); otherwise by repetition: eight traces with an eighth of the rays and seeds
-/// of their own, whose mean spreads as one trace with all rays.  A trace from the listener does not have eight independent parts: up to 256
-/// rays are weighed against each other (population_control.h), which leaves four such populations of the preset `balanced`, and all rays
-/// follow one sequence of directions (SphereSequence).
+/// of their own, whose mean spreads as one trace with all rays; for the parameters of every response the lesser of the spread of their
+/// values and of the jackknife over their late fields, as both overstate where a parameter is no smooth function of the energies.  A trace
+/// from the listener does not have eight independent parts: up to 256 rays are weighed against each other (population_control.h), which
+/// leaves four such populations of the preset `balanced`, and all rays follow one sequence of directions (SphereSequence).
 /// No such repetition shows what all few rays miss, as in a long corridor, nor a bias: presets but `high` take the last segment as diffuse
 /// (AcousticConfig::diffuse_last_segment).  So 0.6 of what a parameter differs from that of a better response joins the error as root of
 /// the sum of squares: from 2048 rays or more, without that bias where source and listener see each other or walls let nothing through;
