@@ -8,26 +8,10 @@ import socket
 import subprocess
 import time
 
+from tiny_run import config_text
+
 LIMIT_S = 300  # of one condition: some minutes on a machine with other work
 
-CONFIG = """name: elastic
-seed: {seed}
-envs_per_worker: 2
-rollout_steps: 16
-checkpoint_every: 1000
-total_steps: {steps}
-out: {folder}/train
-env:
-  task: {{max_steps: 12}}
-  observation: {{depth: false, camera: {{width_px: 40, height_px: 40}}}}
-  acoustics: {{rays: 4, rir_length_s: 0.1, early_order: 0}}
-policy: {{hidden_size: 8, visual_features: 8, audio_features: 8, conv_channels: 2}}
-data:
-  train: {{file: {folder}/train.json.gz, scenes: ["shoebox:6x3x5@0.3"], episodes_per_scene: 6, sounds: ["synth:noise"],
-          filter: {{min_geodesic_m: 1, min_ratio: 1}}}}
-  eval: {{file: {folder}/eval.json.gz, scenes: ["shoebox:6x3x5@0.3"], episodes_per_scene: 2, sounds: ["synth:noise"],
-         filter: {{min_geodesic_m: 1, min_ratio: 1}}}}
-"""
 STEPS_PER_WORKER = 32  # in an update
 WITHOUT_END = 100_000_000
 
@@ -51,7 +35,8 @@ class Run:
             assert done.returncode == 0, done.stderr
 
     def set_steps(self, steps):
-        self.config.write_text(CONFIG.format(steps=steps, folder=self.folder, seed=self.seed))
+        self.config.write_text(config_text(self.folder, name="elastic", seed=self.seed, envs_per_worker=2, rollout_steps=16,
+                                           checkpoint_every=1000, total_steps=steps, out=self.out))
 
     def points(self):
         """Points of the curve, oldest first: update, env_steps, workers, and the curves."""

@@ -17,31 +17,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from tiny_run import config_text
+
 PROGRAM = str(Path(sys.argv[1]).resolve())
 TRIES = int(sys.argv[2]) if len(sys.argv) > 2 else 200
 SEED = int(sys.argv[3]) if len(sys.argv) > 3 else 35
 DEADLINE_S = 120.0
 
-CONFIG = """name: tiny
-seed: 3
-envs_per_worker: 2
-rollout_steps: 4
-checkpoint_every: {every}
-keep: 2
-total_steps: 32
-eval_envs: 2
-out: {out}
-env:
-  task: {{max_steps: 12}}
-  observation: {{depth: false, camera: {{width_px: 40, height_px: 40}}}}
-  acoustics: {{rays: 4, rir_length_s: 0.1, early_order: 0}}
-policy: {{hidden_size: 8, visual_features: 8, audio_features: 8, conv_channels: 2}}
-data:
-  train: {{file: {folder}/train.json.gz, scenes: ["shoebox:6x3x5@0.3"], episodes_per_scene: 6, sounds: ["synth:noise"],
-    filter: {{min_geodesic_m: 1, min_ratio: 1}}}}
-  eval: {{file: {folder}/eval.json.gz, scenes: ["shoebox:6x3x5@0.3"], episodes_per_scene: 2, sounds: ["synth:noise"],
-    filter: {{min_geodesic_m: 1, min_ratio: 1}}}}
-"""
 STEPS_PER_UPDATE = 8  # of one worker
 NOBODY = 65534
 ENDLESS = "total_steps=10000000"
@@ -65,7 +47,8 @@ class Run:
         self.out = self.folder / "run"
         self.log = self.folder / "log"
         self.config = self.folder / "tiny.yaml"
-        self.config.write_text(CONFIG.format(every=checkpoint_every, out=self.out, folder=self.folder))
+        self.config.write_text(config_text(self.folder, name="tiny", seed=3, envs_per_worker=2, rollout_steps=4,
+                                           checkpoint_every=checkpoint_every, keep=2, total_steps=32, eval_envs=2, out=self.out))
         self.process: subprocess.Popen[bytes] | None = None
 
     def words(self, *more: str) -> list[str]:
