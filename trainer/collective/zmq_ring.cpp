@@ -67,22 +67,24 @@ void ZmqRing::mismatch(int place, const FrameHeader& got, Operation operation, s
   throw call_mismatch(rank_of(place), got, operation, total);
 }
 
-/// Finds those that are left; the calls of the new view are counted from 0.
+/// Finds those that are left, and throws MembershipChange: the calls of the new view are counted from 0.  Returns where the open call was
+/// the last and is complete.
 void ZmqRing::regroup() {
-  PeerMesh::Change change = mesh_.regroup();
+  std::optional<PeerMesh::Change> change = mesh_.regroup();
+  if (!change) return;
   // A worker that was stopped and goes on may still write there: those that are left send their sums.
   sums_.reset();
   hierarchy_.reset();
   memory_.reset();
   mesh_.set_bulk_in_use(true);
   sequence_ = 0;
-  throw MembershipChange(std::move(change.lost), std::move(change.joined));
+  throw MembershipChange(std::move(change->lost), std::move(change->joined));
 }
 
 /// Runs one call, and finds those that are left where a worker is lost and the others go on.
 template <class Body>
-void ZmqRing::collective_call(Body&& body) {
-  mesh_.begin(sequence_);
+void ZmqRing::collective_call(Body&& body, bool is_barrier) {
+  mesh_.begin(sequence_, is_barrier);
   abandon_on_error(mesh_, [&] {
     try {
       body();
@@ -144,7 +146,7 @@ void ZmqRing::exchange_parts(Operation operation, const PartFor& part_for, Sink&
     for (int peer = 0; peer < world_size; ++peer)
       if (!progress[static_cast<std::size_t>(peer)].received_all || !progress[static_cast<std::size_t>(peer)].sent_all)
         interest.awaited.push_back(peer);
-    if (interest.awaited.empty()) return;
+    if (interest.awaited.empty() || mesh_.is_run_over()) return;
     mesh_.wait(interest);
   }
 }
@@ -197,11 +199,13 @@ void ZmqRing::broadcast(std::span<std::byte> buffer) {
 }
 
 void ZmqRing::barrier() {
-  collective_call([&] {
-    exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
-      if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
-    });
-  });
+  collective_call(
+      [&] {
+        exchange(Operation::barrier, {}, [&](int peer, const FrameHeader& header, std::span<const std::byte>) {
+          if (header.total != 0) mismatch(peer, header, Operation::barrier, 0);
+        });
+      },
+      true);
 }
 
 std::vector<std::string> ZmqRing::all_gather(const std::string& bytes) {

@@ -47,8 +47,8 @@ class ZmqRing : public Collective {
 
  private:
   template <class Body>
-  void collective_call(Body&& body);
-  [[noreturn]] void regroup();
+  void collective_call(Body&& body, bool is_barrier = false);
+  void regroup();
   [[noreturn]] void mismatch(int place, const FrameHeader& got, Operation operation, std::size_t total) const;
   [[nodiscard]] int rank_of(int place) const { return mesh_.members()[static_cast<std::size_t>(place)]; }
   template <class Sink>

@@ -187,9 +187,13 @@ void MembershipDesk::open_agreement() {
   sent_ = {};
 }
 
-void MembershipDesk::propose() {
+bool MembershipDesk::has_quorum() {
   drop_lost_peers();
-  if (!views_->has_quorum()) {
+  return views_->has_quorum();
+}
+
+void MembershipDesk::propose() {
+  if (!has_quorum()) {
     left_out_ = true;
     throw LeftOut(worker_name(config_.identity.rank), fmt::format("reaches only worker {} of {}, so it stops here: the other workers may "
                                                                   "continue without them; if they did not, continue with --resume",

@@ -105,6 +105,10 @@ class MembershipDesk {
 
   void open_agreement();
   [[nodiscard]] bool is_regrouping() const { return is_regrouping_; }
+  /// Whether this worker has sent a proposal of the next view.
+  [[nodiscard]] bool has_proposed() const { return sent_ != View{}; }
+  /// Removes lost workers.  Whether enough are left.
+  [[nodiscard]] bool has_quorum();
   /// Removes lost workers, and sends the proposal to all that have not received it.  Throws LeftOut if too few are left.
   void propose();
   /// Whether all members of the proposal have proposed it.  Throws LeftOut in a worker that joins and has been let wait for 10 s.

@@ -88,9 +88,11 @@ void PeerMesh::connect_bulk(int right, int left) {
   if (right != identity().rank) links_.connect_bulk(membership_.book().bulk(rank_of(right)), membership_.view().epoch);
 }
 
-void PeerMesh::begin(std::uint64_t sequence) {
+void PeerMesh::begin(std::uint64_t sequence, bool is_barrier) {
   if (abandoned_) throw RunError("workers", fmt::format("the run has already stopped: {}", *abandoned_));
   last_change_.clear();
+  is_barrier_ = is_barrier;
+  is_run_over_ = false;
   liveness_.begin(sequence);
 }
 
@@ -124,6 +126,8 @@ std::optional<PeerMesh::Frame> PeerMesh::receive_control() {
       if (!goodbye.reason.empty() && membership_.heeds(rank))
         throw WorldLost(worker_name(rank), fmt::format("stopped the run: {}", goodbye.reason));
       liveness_.finish(rank, header.sequence);
+      const bool is_of_call = header.epoch == epoch && header.sequence == call && membership_.view().has(rank);
+      is_run_over_ = is_run_over_ || (goodbye.reason.empty() && is_barrier_ && is_of_call);
     } else if (header.operation == Operation::view) {
       membership_.take_view(*frame);
       if (membership_.is_disrupted() && !is_between_calls_) throw Disruption{};
@@ -210,7 +214,7 @@ int PeerMesh::num_waiting(std::uint64_t next) {
   return links_.kept().num_peers(membership_.view().epoch, next);
 }
 
-PeerMesh::Change PeerMesh::regroup() {
+std::optional<PeerMesh::Change> PeerMesh::regroup() {
   links_.disconnect_bulk();
   if (!links_.wait_for_buffers(kBuffersBack)) throw RunError("ZeroMQ", "does not return its buffers");
   membership_.open_agreement();
@@ -218,6 +222,8 @@ PeerMesh::Change PeerMesh::regroup() {
     while (receive_control()) {
     }
     links_.read_monitors();
+    // No view can be decided without a proposal of this worker, or by too few.
+    if (is_run_over_ && (!membership_.has_proposed() || !membership_.has_quorum())) return std::nullopt;
     membership_.propose();
     send_progress(true);
     admissions_.look();

@@ -57,8 +57,10 @@ class PeerMesh {
   /// Whether calls send bulk messages.  Where none does, a broken bulk connection is no matter; regroup() opens all of them anew.
   void set_bulk_in_use(bool in_use) { bulk_in_use_ = in_use; }
 
-  /// Opens collective call number `sequence`: sets its deadline.
-  void begin(std::uint64_t sequence);
+  /// Opens collective call number `sequence`: sets its deadline.  is_barrier: it brings no bytes of the others.
+  void begin(std::uint64_t sequence, bool is_barrier = false);
+  /// A peer has finished after the open call, a barrier: it was the last call of the run, and all workers have come to it.
+  [[nodiscard]] bool is_run_over() const { return is_run_over_; }
   /// False when the peer's queue is full; wait() then waits for room.  Control copies the payload; bulk lends it until finish_sends().
   bool send_control(int peer, FrameHeader header, std::span<const std::byte> payload);
   bool send_bulk(FrameHeader header, std::span<const std::byte> payload);
@@ -73,10 +75,9 @@ class PeerMesh {
   void finish_sends();
 
   /// Agrees with the peers on the remaining and joining members, and opens the connections among them.  Returns the workers that left and
-  /// joined,
-  /// by ranks at the start: empty after a broken connection.  Throws LeftOut: this worker was left out, or too few are left
-  /// (ViewAgreement).
-  Change regroup();
+  /// joined, by ranks at the start: empty after a broken connection.  Nothing if is_run_over() and the others need this worker no more.
+  /// Throws LeftOut: this worker was left out, or too few are left (ViewAgreement).
+  std::optional<Change> regroup();
 
   /// Tells the peers that this worker gets on: at most every 5 s, or eight times in the time after which it would count as lost.
   void note_progress();
@@ -106,9 +107,10 @@ class PeerMesh {
   AdmissionDesk admissions_;
   int bulk_right_ = 0, bulk_left_ = 0;  ///< places
   bool bulk_in_use_ = true;
-  bool is_between_calls_ = false;  ///< a change of membership is the next call's business
-  std::deque<Frame> early_bulk_;   ///< of the next view
-  Interest interest_by_rank_;      ///< of wait()
+  bool is_barrier_ = false, is_run_over_ = false;  ///< of the open call
+  bool is_between_calls_ = false;                  ///< a change of membership is the next call's business
+  std::deque<Frame> early_bulk_;                   ///< of the next view
+  Interest interest_by_rank_;                      ///< of wait()
   std::uint64_t late_messages_ = 0, progress_ = 0;
   std::string last_change_;  ///< that no call has followed yet
   std::optional<std::string> abandoned_;

@@ -402,8 +402,7 @@ RunReport run_scenario(const Scenario& scenario) {
           outcome = "killed";
         } catch (const LeftOut& error) {
           outcome = fmt::format("left out: {}", error.what());
-          // Of a worker that was killed in the last barrier some others may know that it came to it.
-          num_errors += joins || (report.finished > 0 && num_kills > 0) ? 0 : 1;
+          num_errors += joins ? 0 : 1;
         } catch (const std::exception& error) {
           outcome = error.what();
           if (network.running()->alive && !joins) ++num_errors;

@@ -87,7 +87,7 @@ TEST_F(Simulation, ManySeeds) { try_seeds(number_of("EARSHOT_SEED", 1), number_o
 
 // Each was a defect, or shows how near a rule is to its limit.
 TEST_F(Simulation, SeedsThatFailed) {
-  for (const std::uint64_t seed : {5, 21, 204, 354, 469, 549, 1090, 21716}) {
+  for (const std::uint64_t seed : {5, 21, 204, 354, 469, 549, 1090, 2650, 6339, 7880, 13445, 21716}) {
     try_seeds(seed, 1);
   }
 }
