@@ -14,7 +14,7 @@
 namespace earshot::simulation {
 namespace {
 
-constexpr std::array<std::string_view, 7> kNames{"kill", "power_off", "stop", "hang", "reset", "cut", "cut_way"};
+constexpr std::array<std::string_view, 9> kNames{"kill", "power_off", "stop", "hang", "reset", "cut", "cut_way", "delay", "lose"};
 
 }  // namespace
 
@@ -25,6 +25,7 @@ std::string encode_schedule(const std::vector<Fault>& faults) {
     text += fault.kind == Fault::Kind::cut ? fmt::format(" group={}", fault.group) : fmt::format(" rank={}", fault.rank);
     if (fault.kind == Fault::Kind::reset || fault.kind == Fault::Kind::cut_way) text += fmt::format(" other={}", fault.other);
     text += fault.after_messages >= 0 ? fmt::format(" after_messages={}", fault.after_messages) : fmt::format(" at_s={}", fault.at_s);
+    if (fault.amount > 0) text += fmt::format(" amount={}", fault.amount);
     if (fault.duration_s > 0) text += fmt::format(" duration_s={}", fault.duration_s);
     if (fault.restart_s >= 0) text += fmt::format(" restart_s={}", fault.restart_s);
     text += '\n';
@@ -72,6 +73,8 @@ std::vector<Fault> decode_schedule(const std::string& text, const std::string& w
         fault.after_messages = static_cast<std::int64_t>(value);
       else if (key == "duration_s")
         fault.duration_s = value;
+      else if (key == "amount")
+        fault.amount = value;
       else if (key == "restart_s")
         fault.restart_s = value;
       else

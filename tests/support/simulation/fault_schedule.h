@@ -18,21 +18,24 @@ struct Fault {
     reset,      ///< one connection between rank and other breaks
     cut,        ///< all links between the ranks of `group` and the others, for duration_s
     cut_way,    ///< only the way from rank to other
+    delay,      ///< messages from and to rank take `amount` s longer, for duration_s
+    lose,       ///< of the packets from and to rank this share is lost, and sent again, for duration_s
   };
   Kind kind = Kind::kill;
   double at_s = 0;                   ///< since the start; or
   std::int64_t after_messages = -1;  ///< of that rank (kill)
   int rank = 0, other = 0;
   std::uint64_t group = 0;
-  double duration_s = 0;
+  double duration_s = 0, amount = 0;
   double restart_s = -1;  ///< a worker comes back with --join so long after the death
 };
 
-/// A schedule of faults as text, one a line, which the simulation and real processes (FaultPlayer) play alike:
+/// A schedule of faults as text, one a line, which the simulation and real processes (FaultPlayer, real_faults.py) play alike:
 ///   kill rank=0 at_s=0.5 restart_s=0.2
 ///   stop rank=2 at_s=1 duration_s=0.3
 ///   kill rank=1 after_messages=72
 ///   cut group=5 at_s=0.1 duration_s=2
+///   delay rank=1 amount=0.02 at_s=0.1 duration_s=1
 /// Lines that begin with # are comments.
 [[nodiscard]] std::string encode_schedule(const std::vector<Fault>& faults);
 /// Throws InputError: the line, and what is wrong with it.

@@ -133,6 +133,16 @@ bool Network::is_cut(const Process& from, const Process& to) const {
   return found != cut_until_.end() && now_ < found->second;
 }
 
+Nanos Network::held_up(const Link& link) {
+  Nanos delay = 0;
+  for (const Process* const process : link->processes) {
+    if (process == nullptr) continue;
+    const auto found = hold_ups_.find(process->rank);
+    if (found != hold_ups_.end() && now_ < found->second.until && random_.chance(found->second.share)) delay += found->second.delay;
+  }
+  return delay;
+}
+
 void Network::cut(int from, int to, Nanos duration) {
   Nanos& until = cut_until_[{from, to}];
   until = std::max(until, now_ + duration);
@@ -290,7 +300,7 @@ void Network::pump(const Link& link, int from) {
     flow.pipe.pop_front();
     for (const auto& part : message) part->own();
     const Nanos last = flow.wire.empty() ? now_ : flow.wire.back().arrives;
-    flow.wire.push_back({std::move(message), std::max(last, now_ + latency()), false});
+    flow.wire.push_back({std::move(message), std::max(last, now_ + latency() + held_up(link)), false});
     notify(*link->processes[from]);
   }
   if (flow.pipe.empty() && link->is_closing[from]) put_end(link, from);

@@ -162,6 +162,8 @@ class Network {
   void hang(Process& process, Nanos duration) { process.stuck_until = now_ + duration; }
   /// Cuts the way from one rank to another.
   void cut(int from, int to, Nanos duration);
+  /// Messages from and to a rank take so much longer, each of them with this probability.
+  void hold_up(int rank, Nanos delay, double share, Nanos duration) { hold_ups_[rank] = {delay, share, now_ + duration}; }
   /// A reset of one connection between two ranks.
   void reset(int a, int b);
   void set_latency(Nanos least, Nanos most) { least_latency_ = least, most_latency_ = most; }
@@ -188,6 +190,7 @@ class Network {
   [[nodiscard]] Nanos latency() {
     return random_.chance(0.02) ? random_.between(least_latency_, 20 * most_latency_) : random_.between(least_latency_, most_latency_);
   }
+  [[nodiscard]] Nanos held_up(const Link& link);
   [[nodiscard]] bool is_cut(const Process& from, const Process& to) const;
   void resume(Process& process, std::uint64_t turn);
   void count_message(Process& process);
@@ -210,6 +213,12 @@ class Network {
   std::map<std::string, Socket*> listeners_;
   std::map<std::string, Process*> dark_endpoints_;
   std::map<std::pair<int, int>, Nanos> cut_until_;
+  struct HoldUp {
+    Nanos delay;
+    double share;
+    Nanos until;
+  };
+  std::map<int, HoldUp> hold_ups_;  ///< by rank
   Process* running_ = nullptr;
   int next_port_ = 40000;
   Nanos least_latency_ = 20 * kMicro, most_latency_ = 500 * kMicro;

@@ -26,7 +26,8 @@ namespace earshot::simulation {
 namespace {
 
 constexpr const char* kJoins = "joins";
-constexpr double kLimit_s = 240;  // of simulated time: several timeouts after the last fault
+constexpr Nanos kResend = 200 * kMilli;  // the shortest time after which TCP sends a lost packet again
+constexpr double kLimit_s = 240;         // of simulated time: several timeouts after the last fault
 
 /// Numbers in [-1, 1), which repeat after so many elements, no divisor of a segment.
 std::vector<float> gradient_of(int rank, std::uint64_t update, int minibatch, std::size_t count) {
@@ -466,6 +467,10 @@ RunReport run_scenario(const Scenario& scenario) {
             return;
           case Fault::Kind::cut_way:
             return network.cut(fault.rank, fault.other, static_cast<Nanos>(fault.duration_s * 1e9));
+          case Fault::Kind::delay:
+            return network.hold_up(fault.rank, static_cast<Nanos>(fault.amount * 1e9), 1, static_cast<Nanos>(fault.duration_s * 1e9));
+          case Fault::Kind::lose:
+            return network.hold_up(fault.rank, kResend, fault.amount, static_cast<Nanos>(fault.duration_s * 1e9));
         }
       });
     }

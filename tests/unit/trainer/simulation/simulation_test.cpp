@@ -107,6 +107,27 @@ TEST_F(Simulation, ASchedulePlaysAgainFromItsText) {
   EXPECT_THROW(static_cast<void>(decode_schedule("burn rank=0", "s")), InputError);
 }
 
+// Two calls of an update have no work between them: that of the end, and the one before it.  So each update takes a delay longer at least.
+TEST_F(Simulation, ADelayedLinkSlowsARunAndCostsNoWorker) {
+  const auto ended_s = [](const RunReport& report) { return std::stod(report.outcomes.back()); };
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Scenario scenario = scenario_of(seed);
+    scenario.faults.clear();
+    const double plain_s = ended_s(run_scenario(scenario));
+    for (const double delay_s : {0.03, 0.06}) {
+      scenario.faults = decode_schedule(fmt::format("delay rank=0 amount={} at_s=0 duration_s=200", delay_s), "schedule");
+      const RunReport report = run_scenario(scenario);
+      EXPECT_TRUE(report.failures.empty()) << seed;
+      EXPECT_EQ(report.finished, scenario.world_size) << seed;
+      EXPECT_GT(ended_s(report), plain_s + delay_s * scenario.updates) << seed;
+    }
+    scenario.faults = decode_schedule("lose rank=1 amount=0.2 at_s=0 duration_s=200", "schedule");
+    const RunReport report = run_scenario(scenario);
+    EXPECT_EQ(report.finished, scenario.world_size) << seed;
+    EXPECT_GT(ended_s(report), plain_s) << seed;
+  }
+}
+
 TEST_F(Simulation, ASeedGivesTheSameRunEachTime) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const RunReport first = run_scenario(scenario_of(seed)), second = run_scenario(scenario_of(seed));
