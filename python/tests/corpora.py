@@ -1,14 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Corpora in the form of earshot dataset rir, made by the tests, so that they need no program."""
+"""Corpora in the form of earshot dataset rir, made by the tests, so that they need no program; and a config for those that have one."""
 
 from __future__ import annotations
 
 import json
+import os
 import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+
+PROGRAM = os.environ.get("EARSHOT_PROGRAM", "")
+needs_program = pytest.mark.skipif(not PROGRAM, reason="EARSHOT_PROGRAM is not set")
+
+
+def small_config(shoeboxes: int, rooms_per_folder: int) -> str:
+    """Of a corpus that the program makes in a second."""
+    return f"""
+seed: 1
+shoeboxes: {{count: {shoeboxes}, min_size_m: [3, 2.4, 3], max_size_m: [5, 3, 5], absorption: [0.3, 0.6]}}
+sources_per_room: 1
+listeners_per_source: 2
+rooms_per_folder: {rooms_per_folder}
+channels: mono
+acoustics: {{preset: fast, rir_length_s: 0.1, rays: 8, early_order: 1}}
+"""
 
 
 def wav_bytes(samples: np.ndarray[Any, Any], rate: int) -> bytes:

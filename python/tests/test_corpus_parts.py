@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from corpora import PROGRAM, needs_program, small_config
 
 import earshot
 from earshot import _corpus_parts
@@ -20,18 +20,7 @@ from earshot._program import find_program, run_program
 from earshot._progress import Progress
 from earshot._wav import samples_of, wav
 
-PROGRAM = os.environ.get("EARSHOT_PROGRAM", "")
-needs_program = pytest.mark.skipif(not PROGRAM, reason="EARSHOT_PROGRAM is not set")
-
-CONFIG = """
-seed: 1
-shoeboxes: {count: 5, min_size_m: [3, 2.4, 3], max_size_m: [5, 3, 5], absorption: [0.3, 0.6]}
-sources_per_room: 1
-listeners_per_source: 2
-rooms_per_folder: 2
-channels: mono
-acoustics: {preset: fast, rir_length_s: 0.1, rays: 8, early_order: 1}
-"""
+CONFIG = small_config(shoeboxes=5, rooms_per_folder=2)
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from corpora import change_line, make_corpus, tree, wav_bytes
+from corpora import PROGRAM, change_line, make_corpus, needs_program, tree, wav_bytes
 
 import earshot
 from earshot.data import Corpus, convolve, read_wav, rt60_figure, write_parquet, write_webdataset
@@ -295,11 +295,9 @@ def test_figure_counts_the_times(tmp_path: Path) -> None:
         rt60_figure(tmp_path / "corpus0")
 
 
+@needs_program
 def test_what_the_program_writes(tmp_path: Path) -> None:
     """Pictures, early and late parts, FLAC, and stated errors, from the program itself."""
-    program = os.environ.get("EARSHOT_PROGRAM")
-    if program is None:
-        pytest.skip("EARSHOT_PROGRAM names no program")
     config = tmp_path / "rir.yaml"
     config.write_text(
         "seed: 2\nshoeboxes: {count: 2, max_size_m: [5, 3, 5]}\nsources_per_room: 1\nlisteners_per_source: 3\nsplit_ms: 20\n"
@@ -309,7 +307,7 @@ def test_what_the_program_writes(tmp_path: Path) -> None:
     for form in ("wav", "flac"):
         corpus, out = tmp_path / form, tmp_path / f"{form}_out"
         done = subprocess.run(
-            [program, "dataset", "rir", config, "--out", corpus, "--set", f"format={form}"], capture_output=True, text=True
+            [PROGRAM, "dataset", "rir", config, "--out", corpus, "--set", f"format={form}"], capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
         assert main(["webdataset", str(corpus), "--out", str(out), "--license", "mit"]) == 0
@@ -331,18 +329,16 @@ def test_what_the_program_writes(tmp_path: Path) -> None:
         assert np.array_equal(soundfile.read(io.BytesIO(data), dtype="float32")[0].T, loud)
 
 
+@needs_program
 def test_convolve_is_the_command(tmp_path: Path) -> None:
     """Bytes of ``earshot dataset convolve`` with the same options, and its refusals."""
-    program = os.environ.get("EARSHOT_PROGRAM")
-    if program is None:
-        pytest.skip("EARSHOT_PROGRAM names no program")
     config = tmp_path / "rir.yaml"
     config.write_text(
         "seed: 3\nshoeboxes: {count: 60, max_size_m: [8, 4, 8], absorption: [0.1, 0.6]}\nsources_per_room: 2\nlisteners_per_source: 8\n"
         "channels: mono\nacoustics: {rays: 64, rir_length_s: 0.6, sample_rate_hz: 8000}\n"
     )
     corpus, speech = tmp_path / "corpus", tmp_path / "speech"
-    assert subprocess.run([program, "dataset", "rir", config, "--out", corpus], capture_output=True).returncode == 0
+    assert subprocess.run([PROGRAM, "dataset", "rir", config, "--out", corpus], capture_output=True).returncode == 0
     speech.mkdir()
     draw = np.random.default_rng(1)
     for i in range(3):
@@ -353,7 +349,7 @@ def test_convolve_is_the_command(tmp_path: Path) -> None:
     made = convolve(corpus, speech, tmp_path / "mine", count=200, skip_bad=True, rt60_s=(0.15, 0.45), drr_db=(-8, 0), dry=True, seed=5)
     assert (made.written, made.total, made.folders_missing, made.left_out) == (200, 200, 0, 1)
     options = ["--count", "200", "--skip-bad", "--rt60", "0.15,0.45", "--drr", "-8,0", "--dry", "--seed", "5"]
-    command = [program, "dataset", "convolve", str(corpus), "--speech", str(speech), "--out", str(tmp_path / "theirs"), *options]
+    command = [PROGRAM, "dataset", "convolve", str(corpus), "--speech", str(speech), "--out", str(tmp_path / "theirs"), *options]
     assert subprocess.run(command, capture_output=True).returncode == 0
     mine, theirs = tree(tmp_path / "mine"), tree(tmp_path / "theirs")
     for name in ("corpus.json",):  # names its program

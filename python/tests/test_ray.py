@@ -23,22 +23,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from corpora import PROGRAM, needs_program, small_config
 
 from earshot._program import run_program
 from earshot._wav import samples_of, wav
 
-PROGRAM = os.environ.get("EARSHOT_PROGRAM", "")
-needs_program = pytest.mark.skipif(not PROGRAM, reason="EARSHOT_PROGRAM is not set")
-
-RESPONSES = """
-seed: 1
-shoeboxes: {count: 6, min_size_m: [3, 2.4, 3], max_size_m: [5, 3, 5], absorption: [0.3, 0.6]}
-sources_per_room: 1
-listeners_per_source: 2
-rooms_per_folder: 1
-channels: mono
-acoustics: {preset: fast, rir_length_s: 0.1, rays: 8, early_order: 1}
-"""
+RESPONSES = small_config(shoeboxes=6, rooms_per_folder=1)
 
 TRAINING = """
 name: tiny
