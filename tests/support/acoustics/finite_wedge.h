@@ -42,4 +42,34 @@ inline std::complex<double> line_integral(double exterior_rad, const Point& sour
   return -nu / (4 * pi) * sum * (h / 3) / (4 * pi);
 }
 
+/// The same for the whole edge of a half plane without end, with `reflected` as the pressure that its faces reflect: the impulse response
+/// of Biot and Tolstoy 1957 (J. Acoust. Soc. Am. 29, 381-391), of which its Laplace transform along path lengths L - i y, where it has no
+/// oscillation, is the spectrum.  Angles of source and listener from the lit face, in (0, 2 pi).
+inline std::complex<double> half_plane(const Point& source, const Point& listener, double wavenumber, double reflected) {
+  const double pi = std::numbers::pi, r = source.r * listener.r, between = source.angle_rad - listener.angle_rad,
+               together = source.angle_rad + listener.angle_rad;
+  const double shortest_m = std::hypot(source.r + listener.r, source.z - listener.z);
+  const auto integrand = [&](double u) {  // y = u^2 / wavenumber
+    const double y = u * u / wavenumber;
+    const std::complex<double> eta = std::acosh(1.0 - std::complex<double>(y * y, 2 * shortest_m * y) / (2 * r));
+    std::complex<double> beta = 0;
+    for (const double sign : {-1.0, 1.0}) {
+      beta += std::sin(0.5 * (pi + sign * between)) / (std::cosh(0.5 * eta) - std::cos(0.5 * (pi + sign * between)));
+      beta += reflected * std::sin(0.5 * (pi + sign * together)) / (std::cosh(0.5 * eta) - std::cos(0.5 * (pi + sign * together)));
+    }
+    return beta / std::sinh(eta) * std::exp(-u * u) * (2 * u / wavenumber);
+  };
+  // Near a shadow boundary the integrand peaks at u = 0: u = size sinh(x), midpoints.
+  constexpr double size = 1e-2, last = 5;
+  constexpr int steps = 60;
+  const double h = std::asinh(last / size) / steps;
+  std::complex<double> sum = 0;
+  for (int i = 0; i < steps; ++i) {
+    const double x = (i + 0.5) * h;
+    sum += size * std::cosh(x) * h * integrand(size * std::sinh(x));
+  }
+  // d(path) = -i dy; nu = 1/2.
+  return std::complex<double>(0, 1) / (4 * pi * r) * sum * std::polar(1.0, -wavenumber * shortest_m) / (4 * pi);
+}
+
 }  // namespace earshot::finite_wedge
