@@ -67,30 +67,10 @@ inline std::shared_ptr<const Scene> drawn_out(const Structure& structure) {
   return rooms::scene_of(std::move(mesh), {Material::uniform("rigid", 0.f, 0.f)});
 }
 
-/// All paths but the direct sound, with their phases, and the energy that joins the late field.
-inline SectorEnergy by_engine(const Structure& structure, bool all_edges, int octaves) {
-  const AcousticScene scene(drawn_out(structure), config_of(all_edges));
-  const glm::dvec2 s = on_circle(kSourceM, structure.source_deg);
-  const EarlyCandidates candidates(scene, glm::vec3(s.x, s.y, 0.013));
-  SectorEnergy energy{};
-  EnergyResponse response;
-  for (int i = 0; i < kSectors * kPerSector; ++i) {
-    const glm::dvec2 r = on_circle(kListenerM, listener_deg(i));
-    compute_energy_response(scene, candidates, glm::vec3(r.x, r.y, 0.f), response);
-    std::erase_if(response.arrivals, [](const Arrival& arrival) { return arrival.kind == ArrivalKind::direct; });
-    for (int band = 0; band < octaves * kBandsPerOctave; ++band) {
-      double sum = std::norm(coherent_field::pressure(scene, response.arrivals, static_cast<std::size_t>(band)));
-      for (const Arrival& arrival : response.scattered) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
-      energy[static_cast<std::size_t>(band / kBandsPerOctave)][static_cast<std::size_t>(i / kPerSector)] +=
-          sum * std::pow(4 * kPi * (kSourceM + kListenerM), 2) / kPerSector / kBandsPerOctave;
-    }
-  }
-  return energy;
-}
-
-/// All paths less the free field of the source, with their phases, and the energy that joins the late field: what a structure scatters, its
-/// shadow too.
-inline SectorEnergy scattered_by_engine(const Structure& structure, bool all_edges, int octaves) {
+/// Energy at the listeners of all sectors, over that of an image.  coherent: pressure that is left of a response in a band, with its phase;
+/// what joins the late field is added.
+template <class Coherent>
+SectorEnergy over_sectors(const Structure& structure, bool all_edges, int octaves, Coherent coherent) {
   const AcousticScene scene(drawn_out(structure), config_of(all_edges));
   const glm::dvec2 s = on_circle(kSourceM, structure.source_deg);
   const EarlyCandidates candidates(scene, glm::vec3(s.x, s.y, 0.013));
@@ -102,15 +82,32 @@ inline SectorEnergy scattered_by_engine(const Structure& structure, bool all_edg
     compute_energy_response(scene, candidates, listener, response);
     const double straight_m = glm::length(glm::dvec3(candidates.source()) - glm::dvec3(listener));
     for (int band = 0; band < octaves * kBandsPerOctave; ++band) {
-      const double k = 2 * kPi * scene.bands().centre_hz[static_cast<std::size_t>(band)] / scene.speed_of_sound_m_per_s();
-      const std::complex<double> incident = std::polar(1 / (4 * kPi * straight_m), -k * straight_m);
-      double sum = std::norm(coherent_field::pressure(scene, response.arrivals, static_cast<std::size_t>(band)) - incident);
+      double sum = std::norm(coherent(scene, response, straight_m, static_cast<std::size_t>(band)));
       for (const Arrival& arrival : response.scattered) sum += double{arrival.amplitude[band]} * arrival.amplitude[band];
       energy[static_cast<std::size_t>(band / kBandsPerOctave)][static_cast<std::size_t>(i / kPerSector)] +=
           sum * std::pow(4 * kPi * (kSourceM + kListenerM), 2) / kPerSector / kBandsPerOctave;
     }
   }
   return energy;
+}
+
+/// All paths but the direct sound, with their phases, and the energy that joins the late field.
+inline SectorEnergy by_engine(const Structure& structure, bool all_edges, int octaves) {
+  return over_sectors(structure, all_edges, octaves, [](const AcousticScene& scene, EnergyResponse& response, double, std::size_t band) {
+    std::erase_if(response.arrivals, [](const Arrival& arrival) { return arrival.kind == ArrivalKind::direct; });
+    return coherent_field::pressure(scene, response.arrivals, band);
+  });
+}
+
+/// All paths less the free field of the source, with their phases, and the energy that joins the late field: what a structure scatters, its
+/// shadow too.
+inline SectorEnergy scattered_by_engine(const Structure& structure, bool all_edges, int octaves) {
+  return over_sectors(structure, all_edges, octaves,
+                      [](const AcousticScene& scene, const EnergyResponse& response, double straight_m, std::size_t band) {
+                        const double k = 2 * kPi * scene.bands().centre_hz[band] / scene.speed_of_sound_m_per_s();
+                        const std::complex<double> incident = std::polar(1 / (4 * kPi * straight_m), -k * straight_m);
+                        return coherent_field::pressure(scene, response.arrivals, band) - incident;
+                      });
 }
 
 /// A sheet of this width about the origin with others of a height upright on it; corners where they meet.
