@@ -19,7 +19,9 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True)
     table = commands.add_parser("table", help="train a small recognizer in several kinds of rooms, test it in measured ones")
     rooms = commands.add_parser("rooms", help="play speech through measured and simulated responses of one room to recognizers as they are")
-    for command in (table, rooms):
+    dereverb = commands.add_parser("dereverb", help="train a mask network on early targets of dataset convolve, test it in measured rooms")
+    direction = commands.add_parser("direction", help="train a network on recordings of dataset scenes, test it on measured directions")
+    for command in (table, rooms, dereverb, direction):
         command.add_argument("--data", type=pathlib.Path, help="folder with speech/fsdd, speech/librivox, rir_measured, rir/dechorate")
         command.add_argument("--out", type=pathlib.Path, required=True, help="folder for responses and results; a second run reads them")
         command.add_argument("--earshot", default=shutil.which("earshot") or "build/release/earshot", help="the program (default: of PATH)")
@@ -37,7 +39,20 @@ def parser() -> argparse.ArgumentParser:
     rooms.add_argument("--scene", help="SCENE (default: that of the places)")
     rooms.add_argument("--places", type=pathlib.Path, default=pathlib.Path("configs/measured/dechorate.yaml"), help="its places")
     rooms.add_argument("--speech", type=pathlib.Path, help="folder of sentences in the layout of LibriSpeech (default: of --data)")
+    rooms.add_argument("--synthesized", type=int, default=24, help="sentences by espeak-ng beside those of --data")
     rooms.add_argument("--recognizers", default="whisper,pocketsphinx", help="separated by commas")
+    dereverb.add_argument("--config", type=pathlib.Path, default=pathlib.Path("configs/datasets/rir.yaml"), help="corpus of responses")
+    dereverb.add_argument("--rows", default="earshot,shoebox,measured", help="responses to train with, separated by commas")
+    dereverb.add_argument("--rooms", type=int, default=20, help="simulated rooms, 15 responses each; one in five is a house")
+    dereverb.add_argument("--utterances", type=int, default=400, help="utterances to train on")
+    dereverb.add_argument("--test-utterances", type=int, default=10, help="utterances that are tested with every response")
+    dereverb.add_argument("--steps", type=int, default=400, help="updates of each network")
+    direction.add_argument("--config", type=pathlib.Path, default=pathlib.Path("configs/datasets/scenes.yaml"), help="corpus of recordings")
+    direction.add_argument("--measured", type=pathlib.Path, help="folder of binaural responses NAME+40.wav (default: of --data)")
+    direction.add_argument("--rooms", type=int, default=40, help="simulated rooms, of which one in five is for the test alone")
+    direction.add_argument("--steps", type=int, default=1000, help="updates of the network")
+    for command in (dereverb, direction):
+        command.add_argument("--seed", type=int, default=0)
     return top
 
 
@@ -48,6 +63,14 @@ def run(arguments: argparse.Namespace) -> str:
         from . import rooms
 
         return rooms.run(arguments)
+    if arguments.command == "dereverb":
+        from . import dereverb
+
+        return dereverb.run(arguments)
+    if arguments.command == "direction":
+        from . import direction
+
+        return direction.run(arguments)
     from . import table
 
     known = table.Options.rows
