@@ -160,7 +160,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
             soundfile.write(folder / "rir_measured" / part / room / "r.wav", decay, 8000, subtype="FLOAT")
     for turned in ("+40", "-40"):
         ear = np.zeros((800, 2))
-        ear[[20, 34], [0, 1]] = 0.9
+        ear[[20, 34], [1, 0]] = 0.9  # the right ear is first
         soundfile.write(folder / f"rir_measured/test/two{turned}.wav", ear if turned == "+40" else ear[:, ::-1], 44100, subtype="FLOAT")
     return folder
 
@@ -177,20 +177,8 @@ def run_command(arguments: list[str]) -> None:
 @pytest.mark.skipif("EARSHOT_PROGRAM" not in os.environ, reason="needs EARSHOT_PROGRAM")
 def test_both_commands_through_the_program(data: pathlib.Path, tmp_path: pathlib.Path) -> None:
     common = ["--data", str(data), "--out", str(tmp_path), "--earshot", os.environ["EARSHOT_PROGRAM"]]
-    small = [
-        "dereverb",
-        *common,
-        "--rows",
-        "earshot,measured",
-        "--rooms",
-        "2",
-        "--utterances",
-        "8",
-        "--test-utterances",
-        "2",
-        "--steps",
-        "3",
-    ]
+    small = ["dereverb", *common, "--rows", "earshot,measured"]
+    small += ["--rooms", "2", "--utterances", "8", "--test-utterances", "2", "--steps", "3"]
     run_command(small)
     first = json.loads((tmp_path / "dereverb.json").read_text())
     assert first["measured_rooms"] is True
