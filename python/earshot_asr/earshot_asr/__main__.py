@@ -71,9 +71,9 @@ def run(arguments: argparse.Namespace) -> str:
         from . import direction
 
         return direction.run(arguments)
-    from . import table
+    from . import table, training
 
-    known = table.Options.rows
+    known = training.Options.rows
     rows = known if arguments.rows is None else tuple(row.strip() for row in arguments.rows.split(","))
     for row in rows:
         if row not in known:
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> str:
         raise DataError(f"--counts: '{arguments.counts}' is no list of whole numbers from 1 on")
     if arguments.rirs is not None and not (arguments.data and (arguments.data / "rir_measured").is_dir()):
         raise DataError("--rirs: adds to measured test responses, which --data has not")
-    options = table.Options(
+    options = training.Options(
         data=arguments.data,
         out=arguments.out,
         program=arguments.earshot,

@@ -33,26 +33,23 @@ class Outcome:
         return float(100 * self.errors.mean(0).sum() / self.words.sum())
 
 
-def _weights(outcome: Outcome, random: np.random.Generator) -> np.ndarray:
-    """How often every utterance counts in one draw of rooms and speakers with replacement."""
-    weights = np.ones(len(outcome.words))
-    for groups in (outcome.rooms, outcome.speakers):
-        names = np.unique(groups)
-        drawn = random.choice(names, len(names))
-        counts = {name: np.count_nonzero(drawn == name) for name in names}
-        weights = weights * np.array([counts[name] for name in groups])
-    return weights
+def _weights(outcome: Outcome, draws: int, random: np.random.Generator) -> np.ndarray:
+    """How often every utterance counts in draws of rooms and speakers with replacement, [draw, utterance]; each draw has words."""
+    kept: list[np.ndarray] = []
+    while sum(map(len, kept)) < draws:
+        weights = np.ones((draws, len(outcome.words)))
+        for groups in (outcome.rooms, outcome.speakers):
+            names, place = np.unique(groups, return_inverse=True)
+            counts = random.multinomial(len(names), np.full(len(names), 1 / len(names)), draws)
+            weights *= counts[:, place]
+        kept.append(weights[weights @ outcome.words > 0])
+    return np.concatenate(kept)[:draws]
 
 
 def interval(outcome: Outcome, draws: int = 2000, seed: int = 0) -> tuple[float, float]:
     """95 % of the word error rate, over rooms and speakers."""
-    random = np.random.default_rng(seed)
-    mean = outcome.errors.mean(0)
-    rates = []
-    while len(rates) < draws:
-        weights = _weights(outcome, random)
-        if (weights * outcome.words).sum() > 0:
-            rates.append(100 * (weights * mean).sum() / (weights * outcome.words).sum())
+    weights = _weights(outcome, draws, np.random.default_rng(seed))
+    rates = 100 * (weights @ outcome.errors.mean(0)) / (weights @ outcome.words)
     return float(np.quantile(rates, 0.025)), float(np.quantile(rates, 0.975))
 
 
@@ -60,10 +57,7 @@ def paired_difference(a: Outcome, b: Outcome, draws: int = 2000, seed: int = 0) 
     """a less b in points of the word error rate, with 95 % over rooms, speakers and seeds drawn for both at once."""
     random = np.random.default_rng(seed)
     difference = a.errors.astype(float) - b.errors
-    values = []
-    while len(values) < draws:
-        weights = _weights(a, random)
-        seeds = random.integers(0, len(difference), len(difference))
-        if (weights * a.words).sum() > 0:
-            values.append(100 * (weights * difference[seeds].mean(0)).sum() / (weights * a.words).sum())
+    weights = _weights(a, draws, random)
+    seeds = random.multinomial(len(difference), np.full(len(difference), 1 / len(difference)), draws) / len(difference)
+    values = 100 * np.sum(weights * (seeds @ difference), axis=1) / (weights @ a.words)
     return float(100 * difference.mean(0).sum() / a.words.sum()), float(np.quantile(values, 0.025)), float(np.quantile(values, 0.975))

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -36,8 +37,9 @@ class Features:
         padded = torch.zeros(len(batch), longest)
         for i, samples in enumerate(batch):
             padded[i, : len(samples)] = torch.from_numpy(samples)
-        spectrum = torch.stft(padded, FRAME, HOP, window=self.window, center=True, return_complex=True).abs() ** 2
-        levels = torch.log(torch.einsum("mf,bft->bmt", self.filters, spectrum) + 1e-6)
+        spectrum = torch.stft(padded, FRAME, HOP, window=self.window, center=True, return_complex=True)
+        power = torch.view_as_real(spectrum).square().sum(3)
+        levels = torch.log(torch.matmul(self.filters, power) + 1e-6)
         frames = torch.tensor([1 + len(samples) // HOP for samples in batch])
         inside = (torch.arange(levels.shape[2])[None] < frames[:, None])[:, None].float()
         mean = (levels * inside).sum(2, keepdim=True) / frames[:, None, None]
@@ -45,19 +47,38 @@ class Features:
         return (levels - mean) * inside / (spread + 1e-3), frames
 
 
+@dataclasses.dataclass(frozen=True)
+class Prepared:
+    """Features of utterances that are recognized more than once: batches of neighbours in length, with their places in the list."""
+
+    count: int
+    batches: list[tuple[list[int], torch.Tensor, torch.Tensor]]
+
+
+def prepared(utterances: Sequence[np.ndarray], batch: int = 64) -> Prepared:
+    features, order = Features(), sorted(range(len(utterances)), key=lambda i: len(utterances[i]))
+    parts = [order[first : first + batch] for first in range(0, len(order), batch)]
+    return Prepared(len(order), [(part, *features([utterances[i] for i in part])) for part in parts])
+
+
 class Network(torch.nn.Module):
-    """Log-probabilities [frame, batch, token + 1]; the last one is the blank.  One output frame is 20 ms."""
+    """Log-probabilities [frame, batch, token + 1]; the last one is the blank.  One output frame is 40 ms."""
 
     def __init__(self, tokens: int, width: int = 96) -> None:
         super().__init__()
         self.convolutions = torch.nn.Sequential(
-            torch.nn.Conv1d(MELS, width, 5, padding=2),
+            torch.nn.Conv1d(MELS, width, 5, stride=2, padding=2),
             torch.nn.ReLU(),
             torch.nn.Conv1d(width, width, 5, stride=2, padding=2),
             torch.nn.ReLU(),
         )
         self.recurrent = torch.nn.GRU(width, width, batch_first=True, bidirectional=True)
         self.out = torch.nn.Linear(2 * width, tokens + 1)
+
+    @staticmethod
+    def frames(features: torch.Tensor) -> torch.Tensor:
+        """Output frames of so many frames of features."""
+        return (features + 3) // 4
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         hidden = self.convolutions(features).transpose(1, 2)
@@ -84,17 +105,17 @@ class Recognizer:
         progress: Callable[[int, float], None] | None = None,
     ) -> None:
         """`draw`: one utterance with its tokens."""
-        random = np.random.default_rng(seed)
+        batches = batches_of(draw, np.random.default_rng(seed), batch)
         optimizer = torch.optim.Adam(self.network.parameters(), rate)
-        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
+        schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=max(steps, 11), pct_start=0.1)
         loss_of = torch.nn.CTCLoss(blank=self.tokens, zero_infinity=True)
         self.network.train()
         for step in range(steps):
-            drawn = [draw(random) for _ in range(batch)]
+            drawn = next(batches)
             features, frames = self.features([samples for samples, _ in drawn])
             targets = torch.tensor([token for _, tokens in drawn for token in tokens])
             lengths = torch.tensor([len(tokens) for _, tokens in drawn])
-            loss = loss_of(self.network(features), targets, (frames + 1) // 2, lengths)
+            loss = loss_of(self.network(features), targets, self.network.frames(frames), lengths)
             optimizer.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
@@ -104,14 +125,25 @@ class Recognizer:
                 progress(step + 1, float(loss))
 
     @torch.no_grad()
-    def recognize(self, utterances: list[np.ndarray], batch: int = 64) -> list[tuple[int, ...]]:
+    def recognize(self, utterances: Sequence[np.ndarray] | Prepared) -> list[tuple[int, ...]]:
         """The likeliest token of every frame, repeats and blanks left out."""
+        if not isinstance(utterances, Prepared):
+            utterances = prepared(utterances)
         self.network.eval()
-        found = []
-        for first in range(0, len(utterances), batch):
-            features, frames = self.features(utterances[first : first + batch])
+        found: list[tuple[int, ...]] = [()] * utterances.count
+        for places, features, frames in utterances.batches:
             best = self.network(features).argmax(2).transpose(0, 1)
-            for row, length in zip(best, (frames + 1) // 2, strict=True):
+            for place, row, length in zip(places, best, self.network.frames(frames), strict=True):
                 kept = torch.unique_consecutive(row[:length]).tolist()
-                found.append(tuple(token for token in kept if token != self.tokens))
+                found[place] = tuple(token for token in kept if token != self.tokens)
         return found
+
+
+def batches_of(
+    draw: Callable[[np.random.Generator], tuple[np.ndarray, tuple[int, ...]]], random: np.random.Generator, batch: int
+) -> Iterator[list[tuple[np.ndarray, tuple[int, ...]]]]:
+    """Without end.  Four batches are drawn at once and parted by length, so that little is padded; they come in random order."""
+    while True:
+        drawn = sorted((draw(random) for _ in range(4 * batch)), key=lambda pair: len(pair[0]))
+        for part in random.permutation(4):
+            yield drawn[part * batch : (part + 1) * batch]

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sets of room impulse responses: measured ones, those of Earshot and of pyroomacoustics, and how they are matched.
 
-A response is mono at RATE_HZ, begins 2.5 ms before its direct sound, and has unit energy.
+A response is mono at RATE_HZ, begins 2.5 ms before its direct sound, ends where 40 dB less than its energy is left, and has unit
+energy.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ import re
 import subprocess
 
 import numpy as np
+import scipy.fft
 
 from .speech import RATE_HZ, DataError, read, resample
 
 DIRECT_S = 0.0025
 LONGEST_S = 1.0
+LEFT_AT_END = 1e-4  # of the energy
 CORPUS_RATE_HZ = 16000
 
 
@@ -68,7 +71,14 @@ def prepared(samples: np.ndarray, rate_hz: float, room: str) -> Response | None:
     rt60_s, drr_db = decay_time_s(samples), direct_ratio_db(samples)
     if not np.isfinite(rt60_s):
         return None
-    return Response((samples / np.sqrt(np.sum(samples**2))).astype(np.float32), room, rt60_s, drr_db)
+    return Response(ended(samples), room, rt60_s, drr_db)
+
+
+def ended(samples: np.ndarray) -> np.ndarray:
+    """Cut at its end, with unit energy."""
+    left = np.cumsum(samples[::-1].astype(np.float64) ** 2)[::-1]
+    samples = samples[: np.count_nonzero(left > LEFT_AT_END * left[0])]
+    return (samples / np.sqrt(np.sum(samples**2))).astype(np.float32)
 
 
 def measured(folder: pathlib.Path, part: str) -> list[Response]:
@@ -117,11 +127,12 @@ HOUSES = ["shoeboxes.count=0", 'scenes=["house:{first}..{last},rooms=3,area_m2=6
 KINDS = {
     "earshot shoeboxes": [*SHOEBOXES, "acoustics.preset=fast"],
     "earshot houses": [*HOUSES, "randomize=null", "acoustics.preset=fast"],
-    "earshot houses high": [*HOUSES, "randomize=null", "acoustics.preset=high", "acoustics.field=off"],
+    "earshot houses high": [*HOUSES, "randomize=null", "acoustics.preset=high"],
     "earshot houses randomized": [*HOUSES, "acoustics.preset=fast"],
     "earshot houses uniform": [*HOUSES, "randomize={{uniform: true}}", "acoustics.preset=fast"],
 }
-RESPONSES_PER_ROOM = 40
+# Of a box, and of a house of three rooms.
+RESPONSES_PER_BOX, RESPONSES_PER_HOUSE = 40, 100
 
 
 def program_version(program: str) -> str:
@@ -156,9 +167,10 @@ def one_of_each_room(responses: list[Response]) -> list[Response]:
 
 
 def earshot(
-    program: str, config: pathlib.Path, kind: str, count: int, folder: pathlib.Path, first_room: int = 0, per_room: int = RESPONSES_PER_ROOM
+    program: str, config: pathlib.Path, kind: str, count: int, folder: pathlib.Path, first_room: int = 0, per_room: int | None = None
 ) -> list[Response]:
     """At least `count` responses by `earshot dataset rir`, kept in `folder`."""
+    per_room = per_room or (RESPONSES_PER_BOX if kind == "earshot shoeboxes" else RESPONSES_PER_HOUSE)
     rooms = -(-count // per_room) + 1
     settings = [s.format(rooms=rooms, first=first_room, last=first_room + rooms - 1) for s in KINDS[kind]]
     settings += ["channels=mono", "sources_per_room=4", f"listeners_per_source={per_room // 4}", f"seed={first_room + 1}"]
@@ -235,6 +247,7 @@ def deciles(responses: list[Response]) -> dict[str, list[float]]:
 
 def reverberated(samples: np.ndarray, response: Response) -> np.ndarray:
     """Speech in the room, at the level of the speech."""
-    size = len(samples) + len(response.samples) - 1
-    wet = np.fft.irfft(np.fft.rfft(samples, size) * np.fft.rfft(response.samples, size), size)[:size].astype(np.float32)
+    length = len(samples) + len(response.samples) - 1
+    size = scipy.fft.next_fast_len(length, real=True)
+    wet = scipy.fft.irfft(scipy.fft.rfft(samples, size) * scipy.fft.rfft(response.samples, size), size)[:length]
     return wet * float(np.sqrt(np.mean(samples**2) / max(np.mean(wet[: len(samples)] ** 2), 1e-12)))
