@@ -212,7 +212,7 @@ def pyroom(count: int, seed: int) -> list[Response]:
             room.add_microphone(random.uniform(0.5, size - 0.5))
         room.compute_rir()
         for rir in room.rir:
-            if response := prepared(np.asarray(rir[0], np.float32), CORPUS_RATE_HZ, f"pyroomacoustics {len(responses) // 4}"):
+            if response := prepared(np.asarray(rir[0], np.float32), CORPUS_RATE_HZ, f"pyroomacoustics {seed}.{len(responses) // 4}"):
                 responses.append(response)
     return responses
 

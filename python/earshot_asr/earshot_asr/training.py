@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
 import functools
 import hashlib
 import io
 import json
+import multiprocessing
 import os
 import pathlib
 import shutil
@@ -25,6 +27,7 @@ from .speech import DIGITS, WORDS, Clip, Speech, recorded_digits, synthesized_wo
 
 # How many times as many responses as are asked for a pool holds, for the match to choose from.
 POOL_FACTOR = 2
+PYROOM_PART = 250  # responses that one process makes and keeps
 DRY, MEASURED, SHOEBOX = "no augmentation", "measured", "pyroomacoustics shoeboxes"
 
 
@@ -64,7 +67,7 @@ def write_atomically(path: pathlib.Path, data: bytes) -> None:
 def pool_file(kind: str, count: int, options: Options) -> pathlib.Path:
     """Named after all that the responses depend on."""
     made_by = (
-        "pyroomacoustics"
+        f"pyroomacoustics, parts of {PYROOM_PART}"
         if kind == SHOEBOX
         else rooms.program_version(options.program)
         + options.config.read_text()
@@ -74,13 +77,22 @@ def pool_file(kind: str, count: int, options: Options) -> pathlib.Path:
     return options.out / "responses" / f"{kind.replace(' ', '_')}_{mark}.npz"
 
 
+def make_part(file: pathlib.Path, part: int) -> None:
+    if not file.exists():
+        write_atomically(file, rooms.packed(rooms.pyroom(PYROOM_PART, seed=part)))
+
+
 def pool_of(kind: str, count: int, options: Options) -> list[Response]:
     """Kept in the output folder: a second run of the same program and config reads it."""
     file = pool_file(kind, count, options)
     if file.exists():
         return rooms.unpacked(file)
     if kind == SHOEBOX:
-        made = rooms.pyroom(count, seed=1)
+        parts = range(-(-count // PYROOM_PART))
+        files = [file.with_suffix("") / f"{part}.npz" for part in parts]
+        with concurrent.futures.ProcessPoolExecutor(options.jobs, multiprocessing.get_context("spawn")) as pool:
+            list(pool.map(make_part, files, parts))
+        made = [response for part in files for response in rooms.unpacked(part)]
     else:
         made = rooms.earshot(options.program, options.config, kind, count, file.with_suffix(""))
     write_atomically(file, rooms.packed(made))
