@@ -47,10 +47,10 @@ def test_a_response_ends_where_40_db_less_is_left() -> None:
         energy = np.cumsum(samples.astype(np.float64) ** 2)
         assert energy[len(ended) - 1] / energy[-1] >= 1 - 1e-4 > energy[len(ended) - 2] / energy[-1]
         assert np.sum(ended**2) == pytest.approx(1, rel=1e-5)
-        # The share of an exponential decay that is left falls by 60 dB in a decay time; its noise scatters by 1 dB.
-        share_db = -10 * np.log10(1 + 10 ** (drr_db / 10))
+        # The fraction of an exponential decay that is left falls by 60 dB in a decay time; its noise scatters by 1 dB.
+        tail_db = -10 * np.log10(1 + 10 ** (drr_db / 10))
         seconds = (len(ended) - np.argmax(np.abs(ended))) / speech.RATE_HZ
-        assert seconds == pytest.approx(rt60_s * (40 + share_db) / 60, rel=0.08)
+        assert seconds == pytest.approx(rt60_s * (40 + tail_db) / 60, rel=0.08)
 
 
 def test_noise_behind_a_decay_does_not_lengthen_it() -> None:
