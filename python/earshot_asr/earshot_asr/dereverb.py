@@ -98,7 +98,7 @@ def trained(pairs: list[Pair], steps: int, seed: int, say: Callable[[str], None]
 
 
 def cut(pair: Pair, size: int, random: np.random.Generator) -> Pair:
-    """A stretch with sound in its target, at the same scale on both sides."""
+    """A segment with sound in its target, at the same scale on both sides."""
     reverberant, early = (np.pad(side, (0, max(size - len(side), 0))) for side in pair)
     for _ in range(10):
         first = int(random.integers(0, len(early) - size + 1))

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
-#include <glm/geometric.hpp>
 #include <limits>
 #include <numeric>
 
 #include "sim/acoustics/core/sampling.h"
+#include "sim/acoustics/geometry/mesh_sides.h"
 
 namespace earshot {
 namespace {
@@ -16,11 +16,38 @@ namespace {
 /// Corners of a cube by their distance from one, as bits that differ.
 constexpr std::array<int, 8> kByDistance{0, 1, 2, 4, 3, 5, 6, 7};
 
-/// Does a ray meet the side of a triangle from which its corners run clockwise?
-bool shows_back(const TriangleMesh& mesh, std::uint32_t triangle, glm::vec3 direction) {
-  const glm::uvec3 corners = mesh.triangles[triangle];
-  const glm::vec3 first = mesh.vertices[corners.x];
-  return glm::dot(glm::cross(mesh.vertices[corners.y] - first, mesh.vertices[corners.z] - first), direction) > 0;
+/// What rays from the cells of a room meet first.
+struct RoomSight {
+  double fronts = 0, backs = 0;  ///< of triangles
+  double free_m = 0;             ///< sum of the lengths of these rays
+  double escaped = 0;            ///< rays that meet nothing
+  [[nodiscard]] double seen() const { return fronts + backs; }
+};
+
+/// Calls visit(origin, direction) with 16 directions from each of at most eight cells.
+template <typename Visit>
+void look_around(const FieldGrid& grid, std::span<const std::uint32_t> cells, const Visit& visit) {
+  constexpr std::size_t most_cells = 8;
+  constexpr std::uint32_t directions = 16;
+  const std::size_t views = std::min(cells.size(), most_cells);
+  for (std::size_t view = 0; view < views; ++view)
+    for (std::uint32_t i = 0; i < directions; ++i)
+      visit(grid.inside(cells[view * cells.size() / views]),
+            SphereSequence(0, 0).direction(static_cast<std::uint32_t>(view) * directions + i));
+}
+
+RoomSight sight_of(const Scene& scene, const FieldGrid& grid, std::span<const std::uint32_t> cells) {
+  RoomSight sight;
+  look_around(grid, cells, [&](glm::vec3 origin, glm::vec3 direction) {
+    const Hit hit = scene.rays().intersect(origin, direction);
+    if (!hit.valid()) {
+      ++sight.escaped;
+      return;
+    }
+    ++(meets_front(scene.mesh(), hit.triangle, direction) ? sight.fronts : sight.backs);
+    sight.free_m += double{hit.distance_m};
+  });
+  return sight;
 }
 
 }  // namespace
@@ -55,37 +82,56 @@ void FieldGrid::find_rooms() {
 }
 
 void FieldGrid::find_bodies(const Scene& scene) {
+  constexpr double of_one_side = 2.0 / 3.0, narrow_m = 1.2, open_to_the_sky = 0.1;
   inside_body_.assign(num_rooms_, false);
   if (num_rooms_ < 2) return;
-  constexpr std::uint32_t most_cells = 8, directions = 16;  // of a room, and of a cell
-  constexpr double of_one_side = 2.0 / 3.0;
   std::vector<std::vector<std::uint32_t>> cells(num_rooms_);
-  std::vector<double> air_m3(num_rooms_, 0.0), backs(num_rooms_, 0.0);
+  std::vector<double> air_m3(num_rooms_, 0.0);
   for (std::uint32_t cell = 0; cell < size(); ++cell) {
     if (room(cell) == no_room) continue;
     cells[room(cell)].push_back(cell);
-    air_m3[room(cell)] += volume_m3(cell);
+    air_m3[room(cell)] += double{volume_m3(cell)};
   }
+  std::vector<RoomSight> sights;
+  double facing_m3 = 0, closed_m3 = 0;  // air whose walls turn their fronts to it, less that whose walls turn their backs to it
   for (std::uint32_t number = 0; number < num_rooms_; ++number) {
-    const auto count = static_cast<std::uint32_t>(cells[number].size()), views = std::min(count, most_cells);
-    double seen = 0, back = 0;
-    for (std::uint32_t view = 0; view < views; ++view) {
-      const glm::vec3 origin = inside(cells[number][view * count / views]);
-      for (std::uint32_t i = 0; i < directions; ++i) {
-        const glm::vec3 direction = SphereSequence(0, 0).direction(view * directions + i);
-        const Hit hit = scene.rays().intersect(origin, direction);
-        if (!hit.valid()) continue;
-        ++seen;
-        back += shows_back(scene.mesh(), hit.triangle, direction) ? 1 : 0;
-      }
-    }
-    backs[number] = seen > 0 ? back / seen : 0.5;
+    const RoomSight sight = sights.emplace_back(sight_of(scene, *this, cells[number]));
+    if (sight.seen() == 0 || sight.escaped > open_to_the_sky * (sight.seen() + sight.escaped)) continue;
+    facing_m3 += air_m3[number] * (sight.fronts - sight.backs) / sight.seen();
+    closed_m3 += air_m3[number];
   }
-  const auto largest = static_cast<std::size_t>(std::ranges::max_element(air_m3) - air_m3.begin());
-  const bool turned = backs[largest] > 0.5;  // walls whose outer faces count as their fronts
-  const auto front = [&](std::size_t number) { return turned ? backs[number] : 1 - backs[number]; };
-  if (front(largest) < of_one_side) return;
-  for (std::uint32_t number = 0; number < num_rooms_; ++number) inside_body_[number] = 1 - front(number) >= of_one_side;
+  if (std::fabs(facing_m3) < (2 * of_one_side - 1) * closed_m3) return;
+  std::vector<bool> turned(num_rooms_, false);
+  for (std::uint32_t number = 0; number < num_rooms_; ++number) {
+    const RoomSight& sight = sights[number];
+    const double of_others = facing_m3 > 0 ? sight.backs : sight.fronts;
+    turned[number] = sight.seen() > 0 && of_others >= of_one_side * sight.seen() && sight.free_m < narrow_m * sight.seen();
+  }
+  for (std::uint32_t number = 0; number < num_rooms_; ++number)
+    inside_body_[number] = turned[number] && !leads_between_rooms(scene, cells[number], turned);
+}
+
+/// Do rays from these cells come to two rooms or more behind the first wall?  turned: [rooms] those that do not count.
+bool FieldGrid::leads_between_rooms(const Scene& scene, std::span<const std::uint32_t> cells, const std::vector<bool>& turned) const {
+  std::uint32_t beyond = no_room;
+  bool several = false;
+  std::vector<Crossing> crossings;
+  look_around(*this, cells, [&](glm::vec3 origin, glm::vec3 direction) {
+    const Hit hit = scene.rays().intersect(origin, direction);
+    if (!hit.valid() || several) return;
+    const glm::vec3 exit = offset_from_surface(hit.position, -hit.normal);
+    const Hit next = scene.rays().intersect(exit, direction);
+    if (!next.valid()) return;
+    crossings.clear();
+    cross(exit, direction, next.distance_m, crossings);
+    for (const Crossing& crossing : crossings) {
+      const std::uint32_t number = room(crossing.cell);
+      if (number == no_room || turned[number]) continue;
+      several = several || (beyond != no_room && beyond != number);
+      beyond = number;
+    }
+  });
+  return several;
 }
 
 /// The cell of a box that a segment crosses, or no_cell.  known: the cell found without a ray.  previous_cell: a cell of this box or of one

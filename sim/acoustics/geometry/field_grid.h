@@ -41,8 +41,9 @@ class FieldGrid {
   /// alone.
   [[nodiscard]] std::uint32_t room(std::uint32_t cell) const { return room_[cell]; }
   [[nodiscard]] std::uint32_t num_rooms() const { return num_rooms_; }
-  /// Is a room the inside of a body, as of a wardrobe or a wall of two faces?  From there two thirds of what is in sight or more turn the
-  /// other side of their triangles than in the largest room.  Of no room where the largest one shows both sides.
+  /// Is a room the inside of a body, as of a wardrobe or of a wall of two faces?  From there two thirds of what is in sight or more turn
+  /// the other side of their triangles than in most of the air, within 1.2 m in the mean, and at most one room lies behind it.  Of no room
+  /// where the walls of most air turn both sides to it.
   [[nodiscard]] bool inside_body(std::uint32_t room) const { return inside_body_[room]; }
 
   /// A segment of a ray inside one cell, metres from its origin.
@@ -66,6 +67,9 @@ class FieldGrid {
   /// of the scene gets the cells at the border.  Cost: up to some tens of short rays.
   std::size_t blend(glm::vec3 point, std::array<CellWeight, 8>& weights) const;
 
+  /// Is some view point of a cell visible from a point?
+  [[nodiscard]] bool visible_from(std::uint32_t cell, glm::vec3 point) const { return cells_.visible_from(cell, point); }
+
   using Passage = CellPassage;
   /// Every passage once, in ascending order of (first, second).
   [[nodiscard]] std::span<const Passage> passages() const { return passages_.all(); }
@@ -73,6 +77,7 @@ class FieldGrid {
  private:
   void find_rooms();
   void find_bodies(const Scene& scene);
+  [[nodiscard]] bool leads_between_rooms(const Scene& scene, std::span<const std::uint32_t> cells, const std::vector<bool>& turned) const;
   [[nodiscard]] std::uint32_t cell_after(std::uint32_t previous_cell, std::uint32_t known, std::size_t box, glm::vec3 enter,
                                          glm::vec3 leave) const;
 

@@ -2,6 +2,7 @@
 #include "sim/acoustics/geometry/mesh_sides.h"
 
 #include <algorithm>
+#include <glm/geometric.hpp>
 #include <numeric>
 
 namespace earshot {
@@ -38,6 +39,12 @@ std::vector<MeshSide> sorted_sides(const TriangleMesh& mesh) {
   std::sort(sides.begin(), sides.end(),
             [](const MeshSide& a, const MeshSide& b) { return a.key != b.key ? a.key < b.key : a.triangle < b.triangle; });
   return sides;
+}
+
+bool meets_front(const TriangleMesh& mesh, std::uint32_t triangle, glm::vec3 direction) {
+  const glm::uvec3 corners = mesh.triangles[triangle];
+  const glm::dvec3 first = mesh.vertices[corners.x], second = mesh.vertices[corners.y], third = mesh.vertices[corners.z];
+  return glm::dot(glm::cross(second - first, third - first), glm::dvec3(direction)) < 0;
 }
 
 }  // namespace earshot

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,9 @@ struct MeshSide {
 
 /// All sides of a mesh, those between the same vertices in a row, by triangle.  About 0.3 us per triangle.
 std::vector<MeshSide> sorted_sides(const TriangleMesh& mesh);
+
+/// Does a ray meet the front of a triangle, the side from which its vertices run counter-clockwise?
+bool meets_front(const TriangleMesh& mesh, std::uint32_t triangle, glm::vec3 direction);
 
 /// Calls `visit` with each run of sides between the same two vertices.
 template <typename Visit>

@@ -6,19 +6,13 @@
 #include <glm/geometric.hpp>
 #include <span>
 
+#include "sim/acoustics/geometry/mesh_sides.h"
+
 namespace earshot {
 namespace {
 
 constexpr float kParallel = 0.98f;   // cosine of 11 degrees
 constexpr float kMinCosine = 1e-3f;  // a grazing ray stays inside for at most 1000 thicknesses
-
-/// Does the ray meet the front of this face, the side that the winding of its vertices points to?
-bool meets_front(const AcousticSurfaces& surfaces, glm::vec3 direction, std::uint32_t triangle) {
-  const TriangleMesh& mesh = surfaces.scene().mesh();
-  const glm::uvec3 t = mesh.triangles[triangle];
-  const glm::dvec3 a = mesh.vertices[t.x], b = mesh.vertices[t.y], c = mesh.vertices[t.z];
-  return glm::dot(glm::cross(b - a, c - a), glm::dvec3(direction)) < 0;
-}
 
 bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint32_t b) {
   if (a == b) return true;
@@ -30,11 +24,11 @@ bool same_material(const AcousticSurfaces& surfaces, std::uint32_t a, std::uint3
 
 /// The far face of the wall whose near face is `hit`, if the next face along the ray can be one.
 Hit find_far_face(const AcousticSurfaces& surfaces, glm::vec3 start, glm::vec3 direction, const Hit& hit, float reach_m) {
-  const bool enters = meets_front(surfaces, direction, hit.triangle);
+  const bool enters = meets_front(surfaces.scene().mesh(), hit.triangle, direction);
   const float cosine = std::max(std::fabs(glm::dot(direction, hit.normal)), kMinCosine), wall_m = kMaxWallThicknessM / cosine;
   const bool may_be_solid = enters && surfaces.bounds_solid(hit.triangle);
   const Hit far = surfaces.scene().rays().intersect(start, direction, may_be_solid ? std::max(wall_m, reach_m) : wall_m);
-  if (!far.valid() || enters == meets_front(surfaces, direction, far.triangle)) return {};
+  if (!far.valid() || enters == meets_front(surfaces.scene().mesh(), far.triangle, direction)) return {};
   const bool solid = may_be_solid && surfaces.bounds_solid(far.triangle);
   if (!solid && far.distance_m > wall_m) return {};
   // Corners and ends of walls: in at the front, out at the side.  Only outward windings tell that the way between is inside.
@@ -55,7 +49,8 @@ WallCrossing cross_wall(const AcousticSurfaces& surfaces, glm::vec3 direction, c
   if (!far.valid()) return crossing;
   const glm::vec3 exit = past(far);
   // Windings that point inward are either a wall turned inside out or the gap in front of a wall that begins here.
-  if (!meets_front(surfaces, direction, hit.triangle) && find_far_face(surfaces, exit, direction, far, 0.f).valid()) return crossing;
+  if (!meets_front(surfaces.scene().mesh(), hit.triangle, direction) && find_far_face(surfaces, exit, direction, far, 0.f).valid())
+    return crossing;
   crossing.exit = exit;
   crossing.inside_m = glm::length(far.position - hit.position);
   crossing.thick = true;

@@ -127,12 +127,13 @@ void trace_one_room(const Trace& trace, const FieldGrid& grid, std::uint32_t chu
   }
 }
 
-/// The room of the source: that of the heaviest cell round it.
+/// The room of the source: that of the heaviest cell round it.  no_room outside all rooms, where the nearest cells are behind a wall.
 std::uint32_t room_at(const FieldGrid& grid, glm::vec3 point) {
   std::array<FieldGrid::CellWeight, 8> shares;
   const auto cells = std::span(shares).first(grid.blend(point, shares));
   const auto heaviest = std::ranges::max_element(cells, {}, &FieldGrid::CellWeight::weight);
-  return heaviest == cells.end() ? FieldGrid::no_room : grid.room(heaviest->cell);
+  if (heaviest == cells.end() || !grid.visible_from(heaviest->cell, point)) return FieldGrid::no_room;
+  return grid.room(heaviest->cell);
 }
 
 template <int W>
@@ -174,8 +175,8 @@ bool has_rooms_behind_walls(const FieldGrid& grid, std::uint32_t source_room) {
 
 template <int W>
 void trace_chunk(const Trace& trace, const FieldGrid& grid, std::uint32_t chunk, PhotonTracks& tracks, TraceStats& stats) {
-  const std::uint32_t source_room = trace.walls != nullptr && grid.num_rooms() > 1 ? room_at(grid, trace.source) : FieldGrid::no_room;
-  if (trace.walls != nullptr && grid.num_rooms() > 1 && has_rooms_behind_walls(grid, source_room))
+  const std::uint32_t source_room = trace.walls != nullptr ? room_at(grid, trace.source) : FieldGrid::no_room;
+  if (trace.walls != nullptr && has_rooms_behind_walls(grid, source_room))
     trace_rooms<W>(trace, grid, source_room, chunk, tracks, stats);
   else
     trace_one_room<W>(trace, grid, chunk, tracks, stats);

@@ -48,7 +48,8 @@ class PhotonRooms {
   /// If the wall at which the photon waits leads to a room where it has not been, parts it and keeps the half that goes through.  Returns
   /// whether it did: the photon then stays in its room.
   bool part(Photon& photon, std::uint32_t material) {
-    if (entered_.size() >= kMostEntered || photon.room == FieldGrid::no_room || (photon.visited & all_rooms_) == all_rooms_) return false;
+    if (entered_.size() >= kMostEntered || (photon.visited & all_rooms_) == all_rooms_) return false;
+    if (photon.room == FieldGrid::no_room && photon.visited != 0) return false;
     const std::uint32_t room = room_beyond(photon);
     if (room == FieldGrid::no_room || room == photon.room || (photon.visited & bit_of(room)) != 0) return false;
     Photon through = listener_ray::part_at_wall<W>(trace_, photon, material);
@@ -94,12 +95,12 @@ class PhotonRooms {
     return nonfinite;
   }
 
+  /// Rooms 64 apart share a bit: photons go from one to the other by chance.
   static std::uint64_t bit_of(std::uint32_t room) { return std::uint64_t{1} << (room % 64); }
 
  private:
-  /// All rooms but that of the source share so many photons of each chunk, but each has the lesser number.  The inside of a body has few:
-  /// it is a way to the rooms behind it.
-  static constexpr std::uint32_t kPhotonsBehind = 128, kLeastBehind = 16, kInsideBody = 2;
+  /// All rooms but that of the source share so many photons of each chunk, but each has the lesser number.
+  static constexpr std::uint32_t kPhotonsBehind = 128, kLeastBehind = 16;
   /// Parted photons of a chunk and stage; all others go by chance.
   static constexpr std::size_t kMostEntered = 2048;
 

@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
+#include <vector>
 
 #include "sim/acoustics/core/sampling.h"
 #include "sim/base/random.h"
@@ -39,6 +42,61 @@ TEST(FieldGrid, AWallSplitsItsBoxesAndTheirVolume) {
   for (std::uint32_t cell = 0; cell < grid.size(); ++cell)
     if (grid.volume_m3(cell) < 0.5f) near_m3 += double{grid.volume_m3(cell)};
   EXPECT_NEAR(near_m3 / 12, 0.2, 0.02);
+}
+
+/// A room of 6 x 5 x 3 m and a closed cabinet at a drawn place.  turned: all triangles run the other way round.
+TriangleMesh room_with_cabinet(std::uint32_t draw, bool turned, glm::vec3& in_cabinet) {
+  const auto u = RandomStream(5, Purpose::test, draw).uniform4(0), v = RandomStream(5, Purpose::test, draw).uniform4(1);
+  const glm::vec3 size(1.1f + 0.5f * u[0], 1.5f + 0.7f * u[1], 0.8f + 0.4f * u[2]);
+  const glm::vec3 lower(3.f + 1.2f * u[3], 0.1f, -2.f - 2.8f * v[0]);
+  TriangleMesh mesh;
+  rooms::append_box(mesh, {0, 0, 0}, {6, 5, 3}, 0);
+  append_box(mesh, lower, lower + size, 0, 0);
+  if (turned)
+    for (glm::uvec3& triangle : mesh.triangles) std::swap(triangle.y, triangle.z);
+  in_cabinet = lower + 0.5f * size;
+  return mesh;
+}
+
+std::uint32_t room_at(const FieldGrid& grid, glm::vec3 point) {
+  std::array<FieldGrid::CellWeight, 8> cells{};
+  return grid.blend(point, cells) > 0 ? grid.room(cells[0].cell) : FieldGrid::no_room;
+}
+
+TEST(FieldGrid, InsidesOfBodiesAreToldFromRooms) {
+  const std::vector<Material> walls{Material::uniform("wall", 0.2f, 1.f)};
+  for (std::uint32_t draw = 0; draw < 12; ++draw) {
+    glm::vec3 in_cabinet;
+    const auto room = rooms::scene_of(room_with_cabinet(draw, draw % 2 == 1, in_cabinet), walls);
+    const FieldGrid grid(*room, 1.f);
+    ASSERT_EQ(grid.num_rooms(), 2u) << draw;
+    EXPECT_TRUE(grid.inside_body(room_at(grid, in_cabinet))) << draw;
+    EXPECT_FALSE(grid.inside_body(room_at(grid, rooms::point(1, 1, 1.5)))) << draw;
+  }
+}
+
+TEST(FieldGrid, RoomsAreNoBodiesWhicheverWayTheirWallsTurn) {
+  const std::vector<Material> walls{Material::uniform("wall", 0.2f, 1.f)};
+  for (std::uint32_t draw = 0; draw < 12; ++draw) {
+    const auto u = RandomStream(6, Purpose::test, draw).uniform4(0);
+    const double x_m = 1.5 + 2.5 * double{u[0]};
+    TriangleMesh divided;  // a partition turns one side to each of two rooms
+    rooms::append_box(divided, {0, 0, 0}, {6, 5, 3}, 0);
+    rooms::append_quad(divided, {rooms::point(x_m, 0, 0), rooms::point(x_m, 5, 0), rooms::point(x_m, 5, 3), rooms::point(x_m, 0, 3)}, 0);
+    TriangleMesh apart;  // of two rooms apart the second, larger or smaller, turns its walls outward
+    rooms::append_box(apart, {0, 0, 0}, {x_m, 4, 3}, 0);
+    append_box(apart, rooms::point(5, 4, 0), rooms::point(8, 0, 3), 0, 0);
+    TriangleMesh mixed;  // every other triangle is turned
+    rooms::append_box(mixed, {0, 0, 0}, {6, 5, 3}, 0);
+    append_box(mixed, rooms::point(3, 3, 0.1), rooms::point(4.2, 2, 2), 0, 0);
+    for (std::size_t i = 0; i < mixed.triangles.size(); i += 2) std::swap(mixed.triangles[i].y, mixed.triangles[i].z);
+    for (TriangleMesh* mesh : {&divided, &apart, &mixed}) {
+      const auto scene = rooms::scene_of(std::move(*mesh), walls);
+      const FieldGrid grid(*scene, 1.f);
+      ASSERT_GE(grid.num_rooms(), 2u) << draw;
+      for (std::uint32_t room = 0; room < grid.num_rooms(); ++room) EXPECT_FALSE(grid.inside_body(room)) << draw << ", room " << room;
+    }
+  }
 }
 
 TEST(FieldGrid, CrossingsCoverASegmentWithoutGapOrOverlap) {
