@@ -263,7 +263,7 @@ MetricErrors standard_errors(const AcousticScene& acoustics, const EarlyCandidat
     const auto set_with_bias = [&](BandValue value) {
       std::optional<double>& error = errors.bands[band].*value;
       const std::optional<double> of_draws = error_of_draws(repeated, band, value, factor);
-      if (!error || (of_draws && *of_draws < *error)) error = of_draws;
+      if (!of_draws || !error || *of_draws < *error) error = of_draws;  // fewer than four traces with a value: none
       if (error && better[band].*value && measured[band].*value)
         error = std::hypot(*error, kOfDifference * (*(measured[band].*value) - *(better[band].*value)));
     };
