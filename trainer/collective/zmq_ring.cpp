@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "sim/base/errors.h"
+#include "sim/base/process/exit_codes.h"
 #include "sim/base/text/log.h"
 #include "trainer/collective/abandon_on_error.h"
 #include "trainer/collective/ring_sum.h"
@@ -265,6 +266,8 @@ std::unique_ptr<Collective> make_zmq_ring(const RingConfig& config) {
   if (config.identity.world_size == 1) return make_single_worker();
   try {
     return std::make_unique<ZmqRing>(config);
+  } catch (const MembershipChange& change) {
+    throw WorldLost("start of the run", change.what());
   } catch (const zmq::error_t& error) {
     throw RunError(fmt::format("rendezvous {}", config.rendezvous), error.what());
   }

@@ -9,6 +9,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/exit_codes.h"
 #include "sim/base/text/listed.h"
 #include "sim/base/text/log.h"
 #include "trainer/net/ring_config.h"
@@ -117,7 +118,7 @@ Recovery::Standing Recovery::gather_standing() {
     // A change that some have not seen, as another one followed it at once.
     report_.raise_member_counts(lost, joined);
   }
-  if (standing.source < 0) throw RunError("workers", "all workers with the state of the run are lost; continue with --resume");
+  if (standing.source < 0) throw WorldLost("workers", "all workers with the state of the run are lost; continue with --resume");
   return standing;
 }
 

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "sim/base/files.h"
+#include "sim/base/process/exit_codes.h"
 #include "tests/support/workers/hooked_collective.h"
 #include "tests/support/workers/training_run.h"
 #include "trainer/run/train_loop.h"
@@ -104,6 +105,37 @@ TEST_F(LostWorkerRun, GoesOnWithoutAKilledOne) {
 }
 
 TEST_F(LostWorkerRun, GoesOnWithoutAStoppedOne) { expect_others_go_on(1, SIGSTOP); }
+
+/// Is killed when it first describes the state of the run, which it does before the first update.
+class KilledBeforeTheFirstUpdate : public HookedCollective {
+ public:
+  explicit KilledBeforeTheFirstUpdate(Collective& inner) : HookedCollective(inner, {}, {}) {}
+  void brief(const std::string&) override { ::raise(SIGKILL); }
+};
+
+// Nothing can be gone on with, and the workers that are left end so that the run is started again.
+TEST_F(LostWorkerRun, ALossBeforeTheFirstUpdateIsNoFaultOfTheOthers) {
+  for (int victim = 0; victim < kWorld; ++victim) {
+    WorkerProcesses workers(kWorld, [&](int rank) {
+      const RunConfig config = config_with({"out=" + out(std::to_string(victim)).string(), "network.on_loss=continue"});
+      RingConfig ring = ring_in(folder_, rank, kWorld);
+      ring.network = config.network;
+      const auto inner = make_zmq_ring(ring);
+      try {
+        KilledBeforeTheFirstUpdate killed(*inner);
+        train(config, rank == victim ? killed : *inner, {});
+      } catch (const WorldLost& error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        return rank != victim;
+      }
+      return false;
+    });
+    for (int rank = 0; rank < kWorld; ++rank) {
+      if (rank != victim) EXPECT_EQ(workers.wait(rank), 0) << "worker " << rank << " without " << victim;
+    }
+    EXPECT_EQ(WTERMSIG(workers.wait(victim)), SIGKILL);
+  }
+}
 
 // Another number of workers is declared: weights, optimizer and schedule go on, environments in their order.
 TEST_F(LostWorkerRun, ResumesWithAnotherNumberOfWorkers) {

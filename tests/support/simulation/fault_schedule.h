@@ -19,7 +19,7 @@ struct Fault {
     cut,        ///< all links between the ranks of `group` and the others, for duration_s
     cut_way,    ///< only the way from rank to other
     delay,      ///< messages from and to rank take `amount` s longer, for duration_s
-    lose,       ///< of the packets from and to rank this share is lost, and sent again, for duration_s
+    lose,       ///< of the packets from and to rank this fraction is lost, and sent again, for duration_s
   };
   Kind kind = Kind::kill;
   double at_s = 0;                   ///< since the start; or

@@ -14,6 +14,7 @@
 
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
+#include "sim/base/process/exit_codes.h"
 #include "tests/support/simulation/simulated_network.h"
 #include "trainer/collective/collective.h"
 #include "trainer/collective/sum_order.h"
@@ -208,9 +209,7 @@ class Worker {
       collective_->enter();
       recover(MembershipChange({}));
     } else {
-      state_.weights.assign(scenario_.elements, 0.5f);
-      check_equal_weights();
-      brief();
+      start();
     }
     for (bool done = false; !done;) try {
         while (!agree_on_end()) {
@@ -239,6 +238,16 @@ class Worker {
   void pause(double milliseconds) {
     const Nanos until = network_.now() + static_cast<Nanos>(milliseconds * kMilli) * network_.running()->slowness;
     while (network_.now() < until) network_.wait(until);
+  }
+
+  void start() {
+    try {
+      state_.weights.assign(scenario_.elements, 0.5f);
+      check_equal_weights();
+      brief();
+    } catch (const MembershipChange& change) {
+      throw WorldLost("start of the run", change.what());
+    }
   }
 
   bool agree_on_end() {
@@ -334,7 +343,7 @@ class Worker {
       if (source < 0) source = static_cast<int>(place);
       last = std::min<std::uint64_t>(last, std::stoull(of_all[place]));
     }
-    if (source < 0) throw RunError("workers", "all workers with the state of the run are lost; continue with --resume");
+    if (source < 0) throw WorldLost("workers", "all workers with the state of the run are lost; continue with --resume");
     if (!joins_ && (state_.update > last || learning_)) {
       if (!whole_ || whole_->update != last)
         throw RunError("workers", fmt::format("are at updates {} and {}, which is too far apart", last, state_.update));
@@ -409,6 +418,10 @@ RunReport run_scenario(const Scenario& scenario) {
           if (network.running()->alive && !joins) ++num_errors;
           if (network.running() != nullptr && network.running()->alive && is_misunderstanding(outcome))
             checker.fail(fmt::format("rank {}: {}", rank, outcome));
+          const bool may_start_again =
+              dynamic_cast<const WorldLost*>(&error) != nullptr || dynamic_cast<const WorldIncomplete*>(&error) != nullptr;
+          if (network.running() != nullptr && network.running()->alive && !joins && !may_start_again)
+            checker.fail(fmt::format("rank {} ends as failed by itself: {}", rank, outcome));
         }
         if (!network.running()->alive) outcome = "killed";
         report.outcomes.push_back(fmt::format("{:.4f} s: rank {}{} {}", static_cast<double>(network.now() - began) * 1e-9, rank,

@@ -39,7 +39,8 @@ struct RunReport {
 /// - all workers of one epoch have the same members;
 /// - each update is the sum over the members of its epoch, bit for bit, once each, from the update before;
 /// - who finishes has made all updates, with the same bits as all others who finish, and each checkpoint is one of these updates;
-/// - no error speaks of a broken protocol, and no process is left at the end of the time;
+/// - no error speaks of a broken protocol, none lays the loss of others to a worker itself (exit code 1), and no process is left at the end
+///   of the time;
 /// - where the workers that were lost leave a majority each time, the others finish.
 RunReport run_scenario(const Scenario& scenario);
 
