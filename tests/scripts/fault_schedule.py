@@ -26,15 +26,23 @@ class Fault:
 
     @staticmethod
     def parse(line: str) -> "Fault":
+        """ValueError for a line that real processes are not made to suffer."""
         kind, *pairs = line.split()
+        if kind not in Fault.KEYS:
+            raise ValueError(f"'{line}': real processes suffer {', '.join(Fault.KEYS)}")
         values = dict(pair.split("=") for pair in pairs)
+        if unknown := set(values) - {"at_s", *Fault.KEYS[kind]}:
+            raise ValueError(f"'{line}': {', '.join(sorted(unknown))} is not among the keys at_s, {', '.join(Fault.KEYS[kind])}")
         numbers = {key: float(value) if key in ("at_s", "duration_s", "amount") else int(float(value)) for key, value in values.items()}
-        return Fault(kind, **numbers)
+        fault = Fault(kind, **numbers)
+        if kind == "lose" and not 0 <= fault.amount <= 1:
+            raise ValueError(f"'{line}': amount is the share of lost frames, 0 to 1")
+        return fault
 
     @property
     def is_short(self) -> bool:
         """Over before anyone can count as lost: a heartbeat of 0.15 s is missed four times first."""
-        return self.kind in ("delay", "stop", "cut", "cut_way") and self.duration_s < 0.3 or self.kind == "delay"
+        return self.kind == "delay" or (self.kind in ("stop", "cut", "cut_way") and self.duration_s < 0.3)
 
     @property
     def label(self) -> str:

@@ -6,6 +6,7 @@ import fcntl
 import heapq
 import os
 import random
+import re
 import select
 import shutil
 import struct
@@ -29,12 +30,25 @@ def missing() -> str:
     if subprocess.run(["ip", "netns", "add", name], capture_output=True, check=False).returncode != 0:
         return "this machine gives no network namespaces"
     try:
+        entered = subprocess.run(["ip", "netns", "exec", name, "true"], capture_output=True, text=True, check=False)
+        if entered.returncode != 0:
+            return f"this machine lets no program into a network namespace: {entered.stderr.strip()}"
         os.close(open_tap(name))
     except OSError as error:
         return f"this machine gives no tap devices: {error}"
     finally:
         subprocess.run(["ip", "netns", "delete", name], capture_output=True, check=False)
     return ""
+
+
+def delete_hosts_of_the_dead(prefix: str) -> None:
+    """Namespaces PREFIX<pid>-... of processes that have gone without close()."""
+    listed = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=False).stdout
+    for line in listed.splitlines():
+        name = line.split()[0] if line.strip() else ""
+        found = re.match(re.escape(prefix) + r"(\d+)-", name)
+        if found and not os.path.exists(f"/proc/{found[1]}"):
+            subprocess.run(["ip", "netns", "delete", name], capture_output=True, check=False)
 
 
 def open_tap(namespace: str) -> int:
@@ -62,20 +76,28 @@ def open_tap(namespace: str) -> int:
 
 
 class HostSwitch:
-    """`count` hosts, host i with the address 10.77.0.(i + 1), and a thread that hands their frames on."""
+    """`count` hosts, host i with the address 10.77.0.(i + 1), and a thread that hands their frames on.  If it dies, `failure` says why.
+    Faults may come from any thread.  Raises OSError or SubprocessError where a host cannot be made, and leaves none behind."""
 
     def __init__(self, count: int, name: str, seed: int = 0) -> None:
         self.names = [f"{name}-{host}" for host in range(count)]
-        self.blocked: set[tuple[int, int]] = set()  # (from, to)
+        self.cuts: list[set[tuple[int, int]]] = []  # of ways (from, to)
+        self.blocked: set[tuple[int, int]] = set()  # in any of them
+        self.cuts_lock = threading.Lock()
         self.delays: dict[int, tuple[float, float]] = {}  # by host, both ways: least and most, in s
         self.losses: dict[int, float] = {}  # by host, both ways: fraction of frames
         self.draw = random.Random(seed)
         self.taps: list[int] = []
         self.is_over = False
-        for host in range(count):
-            self.make_host(host)
-        self.thread = threading.Thread(target=self.hand_on, daemon=True)
-        self.thread.start()
+        self.failure = ""
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        try:
+            for host in range(count):
+                self.make_host(host)
+            self.thread.start()
+        except BaseException:
+            self.close()
+            raise
 
     @staticmethod
     def address(host: int) -> str:
@@ -101,15 +123,28 @@ class HostSwitch:
     def cut(self, group: set[int]) -> set[tuple[int, int]]:
         """Blocks all ways between the group and the others.  Returns what to give to heal()."""
         ways = {(a, b) for a in range(len(self.names)) for b in range(len(self.names)) if (a in group) != (b in group)}
-        self.blocked = self.blocked | ways
-        return ways
+        return self.block(ways)
 
     def cut_way(self, source: int, target: int) -> set[tuple[int, int]]:
-        self.blocked = self.blocked | {(source, target)}
-        return {(source, target)}
+        return self.block({(source, target)})
+
+    def block(self, ways: set[tuple[int, int]]) -> set[tuple[int, int]]:
+        with self.cuts_lock:
+            self.cuts.append(ways)
+            self.blocked = set().union(*self.cuts)
+        return ways
 
     def heal(self, ways: set[tuple[int, int]]) -> None:
-        self.blocked = self.blocked - ways
+        """Ends this cut.  Ways that another cut blocks too stay blocked."""
+        with self.cuts_lock:
+            self.cuts = [cut for cut in self.cuts if cut is not ways]
+            self.blocked = set().union(*self.cuts)
+
+    def run(self) -> None:
+        try:
+            self.hand_on()
+        except Exception as error:  # whatever it is, no frame arrives any more
+            self.failure = f"the switch between the hosts ended: {error!r}"
 
     def hand_on(self) -> None:
         """Frames of one delay keep their order; those of a delay with a range need not."""
@@ -129,7 +164,8 @@ class HostSwitch:
                 target, source = frame[5] - 1, source_of[tap]
                 if frame[0] != 2 or not 0 <= target < len(self.taps) or not self.passes(source, target):
                     continue
-                delay_s = sum(self.draw.uniform(*self.delays[host]) for host in (source, target) if host in self.delays)
+                ranges = [self.delays.get(host) for host in (source, target)]
+                delay_s = sum(self.draw.uniform(*range_s) for range_s in ranges if range_s is not None)
                 number += 1
                 heapq.heappush(waiting, (time.monotonic() + delay_s, number, target, frame))
             while waiting and waiting[0][0] <= time.monotonic():
@@ -146,7 +182,8 @@ class HostSwitch:
 
     def close(self) -> None:
         self.is_over = True
-        self.thread.join()
+        if self.thread.ident is not None:
+            self.thread.join()
         for tap in self.taps:
             os.close(tap)
         for name in self.names:

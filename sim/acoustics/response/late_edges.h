@@ -29,6 +29,9 @@ struct LateEdges {
 /// leaves out edges between two reflections, which move energy within the walks: it is no bound where rays miss what edges bring, as in
 /// rooms that sound enters over two edges in a row with no wall in sight between (docs/explanation/acoustics.md).
 ///
+/// The fraction is a ratio of the means of few walks, which is too large on average where few of them count.  In open scenes, as before a
+/// panel behind a screen, its mean over seeds is 14 to 23 % above the ratio of the means; that is not corrected.
+///
 /// Standard error: about a tenth of the fraction in a house.  A pure function of the arguments and the seed.  Cost: 0.1 to 0.5 s.
 inline constexpr std::uint32_t kLateEdgeWalks = 48;
 LateEdges late_edges(const AcousticScene& scene, const SoundSource& source, glm::vec3 listener);

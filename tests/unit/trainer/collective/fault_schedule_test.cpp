@@ -2,6 +2,7 @@
 // A schedule of faults, as the simulation draws and prints them, played against real worker processes.
 #include "tests/support/simulation/fault_schedule.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
@@ -55,6 +56,20 @@ class FaultPlayer {
   WorkerProcesses& workers_;
   std::vector<Fault> faults_;
 };
+
+TEST(FaultSchedule, RefusesAmountsOutsideTheirRange) {
+  const auto amount_of = [](const std::string& line) { return decode_schedule(line, "text").at(0).amount; };
+  for (const double share : {0.0, 0.01, 0.5, 1.0}) EXPECT_EQ(amount_of(fmt::format("lose rank=1 amount={} duration_s=1", share)), share);
+  EXPECT_EQ(amount_of("delay rank=1 amount=2.5 duration_s=1"), 2.5);
+  for (const char* const line : {"lose rank=1 amount=1.01", "lose rank=1 amount=5", "lose rank=1 amount=-0.1", "lose rank=1 amount=nan",
+                                 "delay rank=1 amount=-0.02", "delay rank=1 amount=nan"})
+    try {
+      (void)decode_schedule(std::string("kill rank=0 at_s=1\n") + line, "text");
+      ADD_FAILURE() << line;
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find("text:2"), std::string::npos) << error.what();
+    }
+}
 
 class FaultScheduleFiles : public testing::TestWithParam<const char*> {};
 
