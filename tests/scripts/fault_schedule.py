@@ -36,7 +36,7 @@ class Fault:
         numbers = {key: float(value) if key in ("at_s", "duration_s", "amount") else int(float(value)) for key, value in values.items()}
         fault = Fault(kind, **numbers)
         if kind == "lose" and not 0 <= fault.amount <= 1:
-            raise ValueError(f"'{line}': amount is the share of lost frames, 0 to 1")
+            raise ValueError(f"'{line}': amount is the fraction of lost frames, 0 to 1")
         return fault
 
     @property

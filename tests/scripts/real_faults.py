@@ -40,7 +40,7 @@ GOES_ON_WITHIN_S = 2.0
 STAGES = ("start", "undisturbed", "end", "resume")
 
 
-def verdict_on(run: Run, lateness: Lateness) -> tuple[str, str]:
+def judged(run: Run, lateness: Lateness) -> tuple[str, str]:
     """Outcome of a run as it is played, and why: "kept", "broken" or "not judged"."""
     try:
         try:
@@ -82,7 +82,7 @@ class Runs:
             run = Run(options.earshot, seed, world, [Fault(**vars(fault)) for fault in self.schedule], options.faults, options.within)
             self.playing.add(run)
         try:
-            outcome, why = verdict_on(run, self.lateness)
+            outcome, why = judged(run, self.lateness)
             if outcome != "kept":
                 run.rows[-1]["outcome"] = outcome
             report = f"{outcome}: seed {seed}, {run.rows[-1]['kind']}: {why}\n{run.schedule_text()}{run.said()}"

@@ -83,7 +83,7 @@ std::vector<Fault> decode_schedule(const std::string& text, const std::string& w
     const bool is_loss = fault.kind == Fault::Kind::lose;
     if (!(fault.amount >= 0) || (is_loss && fault.amount > 1))
       throw InputError(fmt::format("{}:{}", where, number), fmt::format("amount={} is out of range", fault.amount),
-                       is_loss ? "give the share of lost packets, 0 to 1" : "give seconds, 0 or more");
+                       is_loss ? "give the fraction of lost packets, 0 to 1" : "give seconds, 0 or more");
     faults.push_back(fault);
   }
   return faults;

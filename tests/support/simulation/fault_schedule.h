@@ -19,7 +19,7 @@ struct Fault {
     cut,        ///< all links between the ranks of `group` and the others, for duration_s
     cut_way,    ///< only the way from rank to other
     delay,      ///< messages from and to rank take `amount` s longer, at least 0, for duration_s
-    lose,       ///< of the packets from and to rank the share `amount`, 0 to 1, is lost and sent again, for duration_s
+    lose,       ///< of the packets from and to rank the fraction `amount`, 0 to 1, is lost and sent again, for duration_s
   };
   Kind kind = Kind::kill;
   double at_s = 0;                   ///< since the start; or

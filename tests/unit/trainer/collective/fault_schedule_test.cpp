@@ -59,7 +59,8 @@ class FaultPlayer {
 
 TEST(FaultSchedule, RefusesAmountsOutsideTheirRange) {
   const auto amount_of = [](const std::string& line) { return decode_schedule(line, "text").at(0).amount; };
-  for (const double share : {0.0, 0.01, 0.5, 1.0}) EXPECT_EQ(amount_of(fmt::format("lose rank=1 amount={} duration_s=1", share)), share);
+  for (const double fraction : {0.0, 0.01, 0.5, 1.0})
+    EXPECT_EQ(amount_of(fmt::format("lose rank=1 amount={} duration_s=1", fraction)), fraction);
   EXPECT_EQ(amount_of("delay rank=1 amount=2.5 duration_s=1"), 2.5);
   for (const char* const line : {"lose rank=1 amount=1.01", "lose rank=1 amount=5", "lose rank=1 amount=-0.1", "lose rank=1 amount=nan",
                                  "delay rank=1 amount=-0.02", "delay rank=1 amount=nan"})
