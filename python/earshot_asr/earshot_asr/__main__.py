@@ -8,6 +8,7 @@ import os
 import pathlib
 import shutil
 import sys
+from concurrent.futures.process import BrokenProcessPool
 
 import soundfile
 
@@ -115,6 +116,9 @@ def main() -> int:
         print(run(parser().parse_args()))
     except DataError as error:
         print(f"earshot_asr: {error}", file=sys.stderr)
+        return 2
+    except BrokenProcessPool:
+        print("earshot_asr: a worker process was killed; the same command goes on with what is done", file=sys.stderr)
         return 2
     except (OSError, soundfile.LibsndfileError) as error:
         print(f"earshot_asr: {error}", file=sys.stderr)

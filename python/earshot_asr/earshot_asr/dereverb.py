@@ -5,17 +5,27 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import hashlib
 import json
 import pathlib
 from collections.abc import Callable
 
 import numpy as np
-import soundfile
 import torch
 
 from . import responses as rooms
-from .program import Steps, bootstrap, interval_text, refuse_what_is_no_folder, run_program, settings, write_atomically
+from .program import (
+    Steps,
+    bootstrap,
+    digest,
+    interval_text,
+    kept_speech,
+    program_digest,
+    refuse_what_is_no_folder,
+    require,
+    run_program,
+    settings,
+    write_atomically,
+)
 from .responses import Response, onset
 from .speech import DIGITS, RATE_HZ, Clip, DataError, Speech, read, recorded_digits, resample, synthesized_words, utterance
 
@@ -80,7 +90,7 @@ def trained(pairs: list[Pair], steps: int, seed: int, say: Callable[[str], None]
     torch.manual_seed(seed)
     random, network = np.random.default_rng(seed), MaskNetwork()
     optimizer = torch.optim.Adam(network.parameters(), 1e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps, pct_start=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=max(steps, 11), pct_start=0.1)
     size = round(seconds * RATE_HZ)
     network.train()
     for step in range(steps):
@@ -116,27 +126,8 @@ def masked(network: MaskNetwork, reverberant: np.ndarray) -> np.ndarray:
 
 def corpus_pairs(arguments: argparse.Namespace, utterances: list[Clip], folder: pathlib.Path) -> list[Pair]:
     """By `earshot dataset rir` and `earshot dataset convolve --early`: input and target as they lie on the disk."""
-    speech = folder / "speech"
-    speech.mkdir(parents=True, exist_ok=True)
-    for i, clip in enumerate(utterances):
-        wav = speech / f"{i:05}.wav"
-        if not wav.exists():
-            part = wav.with_suffix(".part")
-            soundfile.write(part, clip.samples, RATE_HZ, subtype="FLOAT", format="WAV")
-            part.replace(wav)
-    corpus, signals = folder / "rir", folder / "signals"
-    houses = arguments.rooms // 5
-    keys = settings(
-        f"shoeboxes.count={arguments.rooms - houses}",
-        f'scenes=["house:0..{houses - 1},rooms=3,area_m2=60"]' if houses else "scenes=[]",
-        f"sources_per_room={SOURCES}",
-        f"listeners_per_source={LISTENERS}",
-        "channels=mono",
-        f"split_ms={1000 * EARLY_S:g}",
-        f"acoustics.sample_rate_hz={RATE_HZ}",
-        f"seed={arguments.seed + 1}",
-    )
-    run_program(arguments.earshot, "dataset", "rir", arguments.config, "--out", corpus, *keys)
+    speech, (corpus, signals) = kept_speech(utterances, folder), corpus_folders(arguments, utterances, folder)
+    run_program(arguments.earshot, "dataset", "rir", arguments.config, "--out", corpus, *corpus_keys(arguments))
     run_program(
         *(arguments.earshot, "dataset", "convolve", corpus, "--speech", speech, "--out", signals),
         *("--early", "--cut", "--count", len(utterances), "--seed", arguments.seed + 1),
@@ -148,6 +139,27 @@ def corpus_pairs(arguments: argparse.Namespace, utterances: list[Clip], folder: 
         size = min(len(reverberant), len(early))
         pairs.append((reverberant[:size], early[:size]))
     return pairs
+
+
+def corpus_keys(arguments: argparse.Namespace) -> list[str]:
+    houses = arguments.rooms // 5
+    return settings(
+        f"shoeboxes.count={arguments.rooms - houses}",
+        f'scenes=["house:0..{houses - 1},rooms=3,area_m2=60"]' if houses else "scenes=[]",
+        f"sources_per_room={SOURCES}",
+        f"listeners_per_source={LISTENERS}",
+        "channels=mono",
+        f"split_ms={1000 * EARLY_S:g}",
+        f"acoustics.sample_rate_hz={RATE_HZ}",
+        f"seed={arguments.seed + 1}",
+    )
+
+
+def corpus_folders(arguments: argparse.Namespace, utterances: list[Clip], folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
+    """Of responses and of signals, named after all that they depend on."""
+    made_by = digest(program_digest(arguments.earshot), arguments.config.read_text(), corpus_keys(arguments))
+    signals = digest(made_by, [clip.samples for clip in utterances], arguments.seed)
+    return folder / f"rir_{made_by}", folder / f"signals_{signals}"
 
 
 def drawn_pairs(utterances: list[Clip], chosen: list[Response], seed: int) -> list[Pair]:
@@ -186,18 +198,23 @@ def speech_and_rooms(arguments: argparse.Namespace, folder: pathlib.Path) -> tup
     speech = recorded_digits(data / "speech/fsdd") if digits else synthesized_words(DIGITS)
     if data is not None and (data / "rir_measured").is_dir():
         return speech, rooms.measured(data / "rir_measured", "test"), rooms.measured(data / "rir_measured", "train"), True
-    stand_in = rooms.earshot(
-        arguments.earshot, arguments.config, "earshot houses high", 40, folder / "stand_in", first_room=5000, per_room=4
-    )
-    return speech, rooms.one_of_each_room(stand_in), [], False
+    return speech, rooms.stand_in(arguments.earshot, arguments.config, 10, folder, 5000), [], False
 
 
-def network_of(row: str, pairs: Callable[[], list[Pair]], mark: str, arguments: argparse.Namespace, steps: Steps) -> MaskNetwork:
+def network_file(row: str, arguments: argparse.Namespace, utterances: list[Clip], measured: list[Response]) -> pathlib.Path:
+    """Named after all that the network is trained with."""
+    folder = arguments.out / "dereverb"
+    made_by: dict[str, Callable[[], object]] = {
+        "earshot": lambda: corpus_folders(arguments, utterances, folder)[1].name,
+        "shoebox": lambda: (rooms.boxes_made_by(), arguments.rooms * SOURCES * LISTENERS),
+        "measured": lambda: [response.samples for response in measured],
+    }
+    mark = digest("2", made_by[row](), [clip.samples for clip in utterances], arguments.steps, arguments.seed, EARLY_S, FRAME, HOP, WIDTH)
+    return folder / f"{row}_{mark}.pt"
+
+
+def network_of(file: pathlib.Path, row: str, pairs: Callable[[], list[Pair]], arguments: argparse.Namespace, steps: Steps) -> MaskNetwork:
     """Kept in the output folder: a second run of the same settings reads it."""
-    digest = hashlib.sha256(f"1 {mark} {arguments.steps} {arguments.seed} {arguments.utterances} {arguments.rooms}".encode()).hexdigest()[
-        :12
-    ]
-    file = arguments.out / "dereverb" / f"{row}_{digest}.pt"
     network = MaskNetwork()
     if file.exists():
         network.load_state_dict(torch.load(file))
@@ -215,9 +232,15 @@ def run(arguments: argparse.Namespace) -> str:
     for name in names:
         if name not in ROWS:
             raise DataError(f"--rows: '{name}' is none of {', '.join(ROWS)}")
+    if arguments.seed < 0:
+        raise DataError("--seed must be at least 0")
     if min(arguments.steps, arguments.rooms, arguments.utterances, arguments.test_utterances) < 1:
         raise DataError("--steps, --rooms, --utterances and --test-utterances must be at least 1")
     refuse_what_is_no_folder(arguments.data)
+    if names == ("measured",) and not (arguments.data and (arguments.data / "rir_measured").is_dir()):
+        raise DataError("--rows measured: trains in measured rooms, which --data has not")
+    if "shoebox" in names:
+        require("pyroomacoustics")
     folder, steps = arguments.out / "dereverb", Steps("dereverb")
     speech, tested, measured_train, is_measured = speech_and_rooms(arguments, folder)
     if not is_measured:
@@ -231,13 +254,12 @@ def run(arguments: argparse.Namespace) -> str:
         "shoebox": lambda: drawn_pairs(utterances, rooms.pyroom(arguments.rooms * SOURCES * LISTENERS, arguments.seed + 1), arguments.seed),
         "measured": lambda: drawn_pairs(utterances, measured_train, arguments.seed),
     }
-    marks = {"earshot": rooms.program_version(arguments.earshot) + arguments.config.read_text()}
     before = np.array([si_sdr_db(*pair) for pair in test.pairs])
     distance_before = distances_db(test.pairs)
     gains: dict[str, np.ndarray] = {}
     rows: dict[str, dict[str, object]] = {}
     for name in names:
-        network = network_of(name, makers[name], marks.get(name, name) + speech.name, arguments, steps)
+        network = network_of(network_file(name, arguments, utterances, measured_train), name, makers[name], arguments, steps)
         estimates = [masked(network, reverberant) for reverberant, _ in test.pairs]
         after = np.array([si_sdr_db(estimate, early) for estimate, (_, early) in zip(estimates, test.pairs, strict=True)])
         closer = distance_before - distances_db([(estimate, early) for estimate, (_, early) in zip(estimates, test.pairs, strict=True)])
@@ -280,4 +302,9 @@ def text_of(result: dict[str, object]) -> str:
         key = f"{first}_less_this_db"
         cells = [interval_text(row["si_sdr_gain_db"], signed=True), interval_text(row["cepstral_gain_db"], signed=True)]
         lines.append(f"| {name} | {' | '.join(cells)} | {interval_text(row[key], signed=True) if key in row else '-'} |")
-    return "\n".join([*lines, "", "Brackets: 95 % over rooms and speakers.", f"{result['minutes']:.0f} minutes"]) + "\n"
+    return (
+        "\n".join(
+            [*lines, "", "Brackets: 95 % over rooms and speakers, of one trained network in each row.", f"{result['minutes']:.0f} minutes"]
+        )
+        + "\n"
+    )

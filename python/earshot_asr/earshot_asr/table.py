@@ -7,29 +7,17 @@ import concurrent.futures
 import dataclasses
 import json
 import multiprocessing
+import pathlib
 import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from .errors import Outcome, interval, paired_difference
+from .program import Progress, read_json, require, write_atomically
 from .responses import deciles
 from .speech import DataError
-from .training import DRY, MEASURED, SHOEBOX, Options, Task, choose, run_seed, task_of, write_atomically
-
-
-class Progress:
-    """One line of what is done and the time to go, on stderr."""
-
-    def __init__(self, total: int) -> None:
-        self.total, self.done, self.start = total, 0, time.monotonic()
-
-    def step(self, text: str) -> None:
-        self.done += 1
-        spent = time.monotonic() - self.start
-        left = spent / self.done * (self.total - self.done)
-        print(f"{self.done}/{self.total}  {text}  {spent / 60:.1f} min, {left / 60:.1f} min to go", file=sys.stderr, flush=True)
+from .training import DRY, MEASURED, SHOEBOX, Options, Task, choose, run_seed, task_of
 
 
 def run_task(name: str, options: Options, write: Callable[[dict[str, object]], None]) -> None:
@@ -40,11 +28,11 @@ def run_task(name: str, options: Options, write: Callable[[dict[str, object]], N
         for row in options.rows:
             if row not in (DRY, MEASURED):
                 choose(row, 1, task.target, 0, options)  # makes its responses
-    progress = Progress(len(seeds))
+    progress = Progress(name, len(seeds))
 
     def keep(seed: int | None) -> None:
         if seed is not None:
-            progress.step(f"{name}: seed {seed}")
+            progress.step(f"seed {seed}")
         if result := report(task):
             write(result)
 
@@ -79,6 +67,22 @@ def others_of(name: str, names: list[str]) -> dict[str, str]:
     return {key: other for key, other in pairs.items() if other is not None and other != name}
 
 
+def minutes_of(task: Task) -> list[float]:
+    """Of the wall clock and of cores, of all rows that are kept, whenever they were found."""
+    kept = [task.found(seed, name) for seed in range(task.options.seeds) for name, _, _ in task.plan if task.file(seed, name).exists()]
+    return [sum(row.seconds[clock] for row in kept) / 60 for clock in (0, 1)]
+
+
+def kept_results(file: pathlib.Path, settings: str, but: tuple[str, ...]) -> tuple[dict[str, dict[str, object]], dict[str, list[float]]]:
+    """Results and minutes of the other tasks of an earlier call with the same settings."""
+    if not file.exists():
+        return {}, {}
+    found: dict[str, object] = read_json(file)  # type: ignore[assignment]
+    results = {r["task"]: r for r in found.get("tasks", []) if r.get("settings") == settings and r["task"] not in but}  # type: ignore[attr-defined]
+    minutes = found.get("minutes_of_tasks", {})
+    return results, {task: minutes.get(task, [0.0, 0.0]) for task in results}  # type: ignore[attr-defined]
+
+
 def report(task: Task) -> dict[str, object] | None:
     """Of the seeds that are whole; none where no seed is."""
     options = task.options
@@ -102,6 +106,7 @@ def report(task: Task) -> dict[str, object] | None:
     spread.update({name: parts[0].spread for name, parts in found.items() if parts[0].spread})
     return {
         "task": task.name,
+        "settings": task.settings,
         "speech": task.speech.name,
         "synthesized_speech": task.speech.synthesized,
         "measured_rooms": task.is_measured,
@@ -145,16 +150,21 @@ def text_of(result: dict[str, object]) -> str:
 def run(options: Options) -> str:
     if options.data is not None and not options.data.is_dir():
         raise DataError(f"{options.data}: no such folder")
-    begin = time.monotonic()
+    if SHOEBOX in options.rows:
+        require("pyroomacoustics")
     if options.data is None:
         print("no --data: synthesized speech and simulated test rooms", file=sys.stderr)
-    results: dict[str, dict[str, object]] = {}
+    file = options.out / "table.json"
+    results, minutes = kept_results(file, task_of(options.tasks[0], options).settings, options.tasks)
 
     def write(result: dict[str, object]) -> None:
-        results[str(result["task"])] = result
-        minutes = (time.monotonic() - begin) / 60
-        text = "\n".join(text_of(result) for result in results.values()) + f"\n{minutes:.0f} minutes\n"
-        write_atomically(options.out / "table.json", json.dumps({"minutes": minutes, "tasks": list(results.values())}, indent=1).encode())
+        name = str(result["task"])
+        results[name], minutes[name] = result, minutes_of(task_of(name, options))
+        wall, cores = (sum(of_task[clock] for of_task in minutes.values()) for clock in (0, 1))
+        text = "\n".join(text_of(result) for result in results.values())
+        text += f"\n{wall:.0f} minutes of all rows, {cores:.0f} of cores, without the making of responses\n"
+        whole = {"minutes": wall, "core_minutes": cores, "minutes_of_tasks": minutes, "tasks": list(results.values())}
+        write_atomically(file, json.dumps(whole, indent=1).encode())
         write_atomically(options.out / "table.md", text.encode())
 
     for task in options.tasks:

@@ -6,11 +6,9 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import functools
-import hashlib
 import io
 import json
 import multiprocessing
-import os
 import pathlib
 import shutil
 import sys
@@ -21,6 +19,7 @@ import torch
 
 from . import responses as rooms
 from .errors import Outcome, word_errors
+from .program import digest, write_atomically
 from .recognizer import Recognizer, prepared
 from .responses import Response, deciles, matched, reverberated
 from .speech import DIGITS, WORDS, Clip, Speech, recorded_digits, synthesized_words, utterance
@@ -57,23 +56,10 @@ def speech_of(task: str, options: Options) -> Speech:
     return synthesized_words(DIGITS)
 
 
-def write_atomically(path: pathlib.Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(path.suffix + f".part{os.getpid()}")
-    part.write_bytes(data)
-    part.replace(path)
-
-
 def pool_file(kind: str, count: int, options: Options) -> pathlib.Path:
     """Named after all that the responses depend on."""
-    made_by = (
-        f"pyroomacoustics, parts of {PYROOM_PART}"
-        if kind == SHOEBOX
-        else rooms.program_version(options.program)
-        + options.config.read_text()
-        + repr((rooms.KINDS[kind], rooms.RESPONSES_PER_BOX, rooms.RESPONSES_PER_HOUSE))
-    )
-    mark = hashlib.sha256(f"2 {kind} {count} {made_by}".encode()).hexdigest()[:12]
+    made_by = (PYROOM_PART, rooms.boxes_made_by()) if kind == SHOEBOX else rooms.made_by(options.program, options.config)
+    mark = digest("3", kind, count, made_by)
     return options.out / "responses" / f"{kind.replace(' ', '_')}_{mark}.npz"
 
 
@@ -107,14 +93,11 @@ def test_and_target(options: Options) -> tuple[list[Response], list[Response], b
         if options.measured_elsewhere is not None:
             test += rooms.measured_elsewhere(options.measured_elsewhere)
         return test, rooms.measured(options.data / "rir_measured", "train"), True
-    folder = options.out / "responses"
     test, target = (
-        rooms.earshot(
-            options.program, options.config, "earshot houses high", count, folder / f"stand_in_{first}", first_room=first, per_room=4
-        )
-        for first, count in ((5000, 4 * 20), (6000, 4 * 31))
+        rooms.stand_in(options.program, options.config, count, options.out / "responses", first)
+        for first, count in ((5000, 20), (6000, 31))
     )
-    return rooms.one_of_each_room(test), rooms.one_of_each_room(target), False
+    return test, target, False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +107,7 @@ class Row:
     rooms: Outcome
     clean: Outcome
     spread: dict[str, list[float]] | None
+    seconds: tuple[float, float]  # of the wall clock, and of a core
 
 
 class TestSet:
@@ -154,11 +138,12 @@ class Task:
         random = np.random.default_rng(41)
         self.clips = [utterance(self.speech.test, random) for _ in range(options.test_strings)]
         self.plan = plan_of(options, len(self.target))
-        made_by = (options.base_steps, options.steps, options.counts, options.high_at_most, POOL_FACTOR, rooms.KINDS)
-        mark = hashlib.sha256(f"1 {made_by} {rooms.program_version(options.program)} {options.config.read_text()}".encode())
-        for samples in [c.samples for c in (*self.speech.train, *self.clips)] + [r.samples for r in (*self.test_rooms, *self.target)]:
-            mark.update(samples.tobytes())
-        self.folder = options.out / "seeds" / f"{name}_{mark.hexdigest()[:12]}"
+        settings = (options.base_steps, options.steps, options.counts, options.high_at_most, POOL_FACTOR, PYROOM_PART)
+        made_by = (rooms.made_by(options.program, options.config), rooms.boxes_made_by())
+        mark = digest("2", settings, made_by, self.speech.vocabulary, self.speech.train, self.clips, self.test_rooms, self.target)
+        self.folder = options.out / "seeds" / f"{name}_{mark}"
+        # What the results of all tasks in one table share.
+        self.settings = digest(settings, options.test_strings, made_by, self.test_rooms, self.target)
         self.test: TestSet | None = None
 
     def file(self, seed: int, row: str) -> pathlib.Path:
@@ -172,13 +157,14 @@ class Task:
         missing = self.missing(seed)
         if not missing:
             return
+        # What all rows of a seed share is counted in the first one.
+        begin, begin_core = time.monotonic(), time.process_time()
         if self.test is None:
             self.test = TestSet(self.clips, self.test_rooms)
         speech, options = self.speech, self.options
         base = Recognizer(len(speech.vocabulary), seed)
         base.train(lambda draw: dry(speech, draw), options.base_steps, seed=1000 + seed)
         for name, kind, count in missing:
-            begin = time.process_time()
             recognizer, spread = base.copy(), None
             if kind == DRY:
                 # As many updates as the others.
@@ -191,9 +177,10 @@ class Task:
             file = io.BytesIO()
             parts = {f"rooms_{key}": value for key, value in vars(in_rooms).items()}
             parts.update({f"clean_{key}": value for key, value in vars(clean).items()})
-            np.savez(file, spread=json.dumps(spread), **parts)
+            seconds, spent = time.monotonic() - begin, time.process_time() - begin_core
+            np.savez(file, spread=json.dumps(spread), seconds=[seconds, spent], **parts)
             write_atomically(self.file(seed, name), file.getvalue())
-            spent = time.process_time() - begin
+            begin, begin_core = begin + seconds, begin_core + spent
             print(
                 f"{self.name}, seed {seed}, {name}: {in_rooms.rate():.1f} % in rooms, {clean.rate():.1f} % clean, {spent:.0f} s of a core",
                 file=sys.stderr,
@@ -205,7 +192,7 @@ class Task:
             sides = [
                 Outcome(**{key.name: file[f"{side}_{key.name}"] for key in dataclasses.fields(Outcome)}) for side in ("rooms", "clean")
             ]
-            return Row(*sides, json.loads(str(file["spread"])))
+            return Row(*sides, json.loads(str(file["spread"])), tuple(file["seconds"].tolist()))
 
 
 @functools.lru_cache(maxsize=1)

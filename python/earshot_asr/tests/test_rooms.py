@@ -23,6 +23,30 @@ def test_interval_of_a_mean_is_that_of_its_groups() -> None:
     assert program.bootstrap(np.array([1.0, 2, 9]), [np.arange(3)], "median")[0] == 2
 
 
+def test_the_scatter_takes_its_median_anew_in_every_draw() -> None:
+    # Two groups without any scatter inside: where a draw has one group alone nothing is left, however far the groups are apart.
+    random = np.random.default_rng(3)
+    for _ in range(10):
+        apart = random.uniform(1, 30)
+        _, low, _ = program.bootstrap(np.repeat([0, apart], 10), [np.repeat(np.arange(2), 10)], "scatter", draws=200)
+        assert low == 0
+    for _ in range(10):
+        values, groups = random.normal(random.uniform(-50, 50), 3, 400), [np.arange(400)]
+        scatter = program.bootstrap(values, groups, "scatter", draws=300)
+        shifted = program.bootstrap(values + 17, groups, "scatter", draws=300)
+        assert shifted == pytest.approx(scatter)
+        # Of a normal distribution 0.6745 of its deviation, with a standard error of 1.17 times the deviation over the root of the count.
+        assert scatter[0] == pytest.approx(0.6745 * 3, abs=3.5 * 1.17 * 3 / 20)
+        assert scatter[1] < scatter[0] < scatter[2]
+
+
+def test_missing_packages_are_found_first() -> None:
+    program.require("numpy", "json")
+    with pytest.raises(ModuleNotFoundError) as found:
+        program.require("numpy", "no_such_package_of_earshot")
+    assert found.value.name == "no_such_package_of_earshot"
+
+
 def test_the_colour_of_a_chain_is_found() -> None:
     random = np.random.default_rng(9)
     decay = np.exp(-np.arange(6000) / 800)

@@ -99,10 +99,26 @@ def test_a_network_learns_a_head_of_another_size() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "angle"), [("brir_sweep+40", -40), ("brir_sweep-80", 80), ("sweep0", 0), ("clap", None), ("take2", None), ("wing_s1r10", None)]
+    ("name", "angle"),
+    [
+        ("brir_sweep+40", -40),
+        ("brir_sweep-80", 80),
+        ("sweep0", None),
+        ("clap", None),
+        ("take10", None),
+        ("take2", None),
+        ("wing_s1r10", None),
+    ],
 )
 def test_angles_in_names(name: str, angle: float | None) -> None:
     assert direction.measured_angle_deg(pathlib.Path(f"{name}.wav")) == angle
+
+
+def test_an_angle_without_a_sign_is_0_beside_others(tmp_path: pathlib.Path) -> None:
+    for name in ("sweep0", "sweep+40", "take0", "take10", "other+40", "sweep_b0"):
+        (tmp_path / f"{name}.wav").touch()
+    found = {path.stem: direction.measured_angle_deg(path) for path in tmp_path.glob("*.wav")}
+    assert found == {"sweep0": 0, "sweep+40": -40, "take0": None, "take10": None, "other+40": -40, "sweep_b0": None}
 
 
 @pytest.mark.parametrize(("azimuth", "elevation", "angle"), [(30, 0, 30), (150, 0, 30), (-90, 60, -30), (180, 0, 0), (90, 0, 90)])
