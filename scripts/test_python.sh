@@ -57,7 +57,20 @@ else
   export PYTHONPATH=$root/build/release/python_package
   if [ -x build/release/earshot ]; then export EARSHOT_PROGRAM=${EARSHOT_PROGRAM:-$root/build/release/earshot}; fi
 fi
+# earshot_asr is tested with the torch of the distribution, in an environment that sees its packages; without it, tests of networks skip.
+asr=$tests
+system_numpy=$(/usr/bin/python3 -c 'import torch, numpy; print(numpy.__version__)' 2>/dev/null) || system_numpy=
+if [ -n "$system_numpy" ]; then
+  asr=$root/build/asr_tests
+  [ -x "$asr/bin/python" ] || /usr/bin/python3 -m venv --system-site-packages "$asr"
+  # That torch wants the numpy of the distribution, and this a scipy that knows it.
+  "$asr/bin/pip" install -q --disable-pip-version-check --retries 1 --timeout 20 "numpy==$system_numpy" scipy==1.15.3 \
+    $(grep -iE '^(pytest|soundfile|pyyaml)==' python/tests/tested_versions.txt) pyyaml
+fi
 # From another folder, so that the sources are not what is imported.
 cd "$tests"
-PYTHONPATH=${PYTHONPATH:+$PYTHONPATH:}$root/python/earshot_asr \
-  bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$root/python/earshot_asr/tests" "$@"
+bin/python -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/tests" "$@"
+# Arguments choose among the tests of the package.
+[ $# -eq 0 ] || exit 0
+PYTHONPATH=$root/python/earshot_asr \
+  "$asr/bin/python" -m pytest -q -p no:cacheprovider -c "$root/pyproject.toml" --rootdir "$root" "$root/python/earshot_asr/tests"
