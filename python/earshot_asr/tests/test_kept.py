@@ -57,7 +57,7 @@ def test_a_digest_depends_on_every_part() -> None:
 def test_another_build_of_one_version_is_another_program(tmp_path: pathlib.Path) -> None:
     config = tmp_path / "rir.yaml"
     config.write_text("a: 1\n")
-    first, same, other = (program_of(tmp_path, f"#!/bin/sh\necho earshot 0.9.0\n{end}") for end in ("", "", "true\n"))
+    first, same, other = (program_of(tmp_path, f"#!/bin/sh\necho earshot 1.2.3\n{end}") for end in ("", "", "true\n"))
     assert program.program_digest(first) == program.program_digest(same) != program.program_digest(other)
     assert responses.made_by(first, config) == responses.made_by(same, config) != responses.made_by(other, config)
     before = responses.made_by(first, config)

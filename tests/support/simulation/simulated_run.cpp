@@ -15,6 +15,7 @@
 #include "sim/base/errors.h"
 #include "sim/base/files.h"
 #include "sim/base/process/exit_codes.h"
+#include "tests/support/simulation/link_faults.h"
 #include "tests/support/simulation/simulated_network.h"
 #include "trainer/collective/collective.h"
 #include "trainer/collective/sum_order.h"
@@ -27,8 +28,7 @@ namespace earshot::simulation {
 namespace {
 
 constexpr const char* kJoins = "joins";
-constexpr Nanos kResend = 200 * kMilli;  // the shortest time after which TCP sends a lost packet again
-constexpr double kLimit_s = 240;         // of simulated time: several timeouts after the last fault
+constexpr double kLimit_s = 240;  // of simulated time: several timeouts after the last fault
 
 /// Numbers in [-1, 1), which repeat after so many elements, no divisor of a segment.
 std::vector<float> gradient_of(int rank, std::uint64_t update, int minibatch, std::size_t count) {
@@ -457,6 +457,7 @@ RunReport run_scenario(const Scenario& scenario) {
       };
       at(fault.after_messages >= 0 ? 0.0031 : std::max(0.0031, fault.at_s), [&, fault, index, restart_after] {
         Process& process = *current[index];
+        const auto lasts = static_cast<Nanos>(fault.duration_s * 1e9);
         switch (fault.kind) {
           case Fault::Kind::kill:
           case Fault::Kind::power_off:
@@ -468,22 +469,11 @@ RunReport run_scenario(const Scenario& scenario) {
               network.kill(process, fault.kind == Fault::Kind::power_off);
             return;
           case Fault::Kind::stop:
-            return network.stop(process, static_cast<Nanos>(fault.duration_s * 1e9));
+            return network.stop(process, lasts);
           case Fault::Kind::hang:
-            return network.hang(process, static_cast<Nanos>(fault.duration_s * 1e9));
-          case Fault::Kind::reset:
-            return network.reset(fault.rank, fault.other);
-          case Fault::Kind::cut:
-            for (int a = 0; a < scenario.world_size; ++a)
-              for (int b = 0; b < scenario.world_size; ++b)
-                if ((fault.group >> a & 1) != (fault.group >> b & 1)) network.cut(a, b, static_cast<Nanos>(fault.duration_s * 1e9));
-            return;
-          case Fault::Kind::cut_way:
-            return network.cut(fault.rank, fault.other, static_cast<Nanos>(fault.duration_s * 1e9));
-          case Fault::Kind::delay:
-            return network.hold_up(fault.rank, static_cast<Nanos>(fault.amount * 1e9), 1, static_cast<Nanos>(fault.duration_s * 1e9));
-          case Fault::Kind::lose:
-            return network.hold_up(fault.rank, kResend, fault.amount, static_cast<Nanos>(fault.duration_s * 1e9));
+            return network.hang(process, lasts);
+          default:
+            return inflict_on_links(network, fault, scenario.world_size);
         }
       });
     }
