@@ -127,6 +127,9 @@ TEST_F(LostWorkerRun, ALossBeforeTheFirstUpdateIsNoFaultOfTheOthers) {
       } catch (const WorldLost& error) {
         std::fprintf(stderr, "%s\n", error.what());
         return rank != victim;
+      } catch (const LeftOut& error) {  // the others had ended before it heard of the loss
+        std::fprintf(stderr, "%s\n", error.what());
+        return rank != victim;
       }
       return false;
     });
