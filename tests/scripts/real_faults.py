@@ -21,6 +21,7 @@ Exit status: 0, 1 if a run broke the rule, 77 where hosts cannot be made or no r
 import argparse
 import concurrent.futures
 import json
+import math
 import pathlib
 import random
 import signal
@@ -124,7 +125,7 @@ def print_table(rows: list[dict[str, Any]]) -> None:
     for kind, group in groups.items():
         outcomes = [row["outcome"] for row in group]
         pauses = sorted(row["pause_s"] for row in group if row["outcome"] == "went on" and row["fault"])
-        times = [statistics.median(pauses), pauses[int(0.95 * (len(pauses) - 1))], pauses[-1]] if pauses else [0.0] * 3
+        times = [statistics.median(pauses), pauses[math.ceil(0.95 * len(pauses)) - 1], pauses[-1]] if pauses else [0.0] * 3
         print(f"{kind:<28}{len(group):>7}" + "".join(f"{outcomes.count(name):>{width}}" for name, width in columns)
               + f"{times[0]:>10.2f}{times[1]:>8.2f}{times[2]:>8.2f}{sum(pause > GOES_ON_WITHIN_S for pause in pauses):>10}")
     print("faults by workers: " + ", ".join(f"{world}: {sum(row['members'] == world for row in faults)}" for world in range(2, 9)))
