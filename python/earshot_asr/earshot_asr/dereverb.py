@@ -24,7 +24,7 @@ from .program import (
     require,
     run_program,
     settings,
-    write_atomically,
+    write_result,
 )
 from .responses import Response, onset
 from .speech import DIGITS, RATE_HZ, Clip, DataError, Speech, read, recorded_digits, resample, synthesized_words, utterance
@@ -282,8 +282,7 @@ def run(arguments: argparse.Namespace) -> str:
         "minutes": steps.minutes(),
     }
     text = text_of(result)
-    write_atomically(arguments.out / "dereverb.json", json.dumps(result, indent=1).encode())
-    write_atomically(arguments.out / "dereverb.md", text.encode())
+    write_result(arguments.out, "dereverb", result, text)
     return text
 
 

@@ -10,7 +10,6 @@ import argparse
 import csv
 import dataclasses
 import itertools
-import json
 import pathlib
 import re
 from collections.abc import Callable
@@ -31,6 +30,7 @@ from .program import (
     refuse_what_is_no_folder,
     run_program,
     write_atomically,
+    write_result,
 )
 from .speech import DIGITS, Clip, DataError, Speech, recorded_digits, resample, synthesized_words, utterance
 from .speech import RATE_HZ as SPEECH_RATE_HZ
@@ -328,8 +328,7 @@ def run(arguments: argparse.Namespace) -> str:
         "minutes": steps.minutes(),
     }
     text = text_of(result)
-    write_atomically(arguments.out / "direction.json", json.dumps(result, indent=1).encode())
-    write_atomically(arguments.out / "direction.md", text.encode())
+    write_result(arguments.out, "direction", result, text)
     return text
 
 

@@ -91,6 +91,12 @@ def write_atomically(path: pathlib.Path, data: bytes) -> None:
     part.replace(path)
 
 
+def write_result(folder: pathlib.Path, name: str, result: dict[str, object], text: str) -> None:
+    """NAME.json and NAME.md."""
+    write_atomically(folder / f"{name}.json", json.dumps(result, indent=1).encode())
+    write_atomically(folder / f"{name}.md", text.encode())
+
+
 def settings(*keys: str) -> list[str]:
     """--set KEY=VALUE of each."""
     return [part for key in keys for part in ("--set", key)]

@@ -14,7 +14,7 @@ import numpy as np
 import soundfile
 
 from .errors import Outcome, paired_difference, word_errors
-from .program import Progress, read_json, read_yaml, require, run_program, write_atomically
+from .program import Progress, read_json, read_yaml, require, run_program, write_atomically, write_result
 from .speech import Clip, DataError, read, resample, sentences, synthesized_sentences
 
 RATE_HZ = 16000
@@ -336,8 +336,7 @@ def run(arguments: argparse.Namespace) -> str:
         recognizers[name] = {"clean": 100 * float(counts["clean"].sum()) / said}
         recognizers[name] |= {f"{side}_gap": gap_of(counts, side, clips, range(len(places))) for side in SIDES[1:]}
     text = text_of(rows, names, len(clips), said, recognizers)
-    write_atomically(arguments.out / "rooms.json", json.dumps({"places": rows, "recognizers": recognizers}, indent=1).encode())
-    write_atomically(arguments.out / "rooms.md", text.encode())
+    write_result(arguments.out, "rooms", {"places": rows, "recognizers": recognizers}, text)
     return text
 
 
